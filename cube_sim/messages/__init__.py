@@ -1,0 +1,6 @@
+"""
+The memory of the simulation as the bytes of ROS messages (CDR, little-endian).
+
+Layouts only: no topics, no files, no ROS library. Padding is zero, so equal content is equal
+bytes. Times are simulated nanoseconds; the arrays are those of `cube_sim.physics`.
+"""
