@@ -35,25 +35,27 @@ PALETTE = np.array(
 
 
 def cube_markers(
-    time_ns: int, frame_id: str, poses: Floats, cube_size: float, action: int = ADD
+    time_ns: int, frame_id: str, poses: Floats, cube_size: float, removed: int = 0
 ) -> bytes:
     """
     Lay out a visualization_msgs/MarkerArray with one CUBE of side `cube_size` (m) for each pose.
 
-    `poses` is (N, 7), m, in `frame_id`; the id of a marker is its row.
+    `poses` is (N, 7), m, in `frame_id`; the id of a marker is its row. The ids behind them, as
+    many as were `removed`, get a DELETE each.
     """
-    count = len(poses)
+    shown = len(poses)
+    count = shown + removed
     head = ENCAPSULATION + count.to_bytes(4, 'little')
     if count == 0:
         return head
     layout = _layout(frame_id)
-    pairs = _standing_cubes(frame_id, count, cube_size, action).copy().view(layout.dtype)
+    pairs = _standing_cubes(frame_id, shown, removed, cube_size).copy().view(layout.dtype)
     seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
     for odd in (0, 1):
         own = pairs[: (count - odd + 1) // 2]
         own[f'sec{odd}'] = seconds
         own[f'nanosec{odd}'] = nanoseconds
-        own[f'pose{odd}'] = poses[odd::2]
+        own[f'pose{odd}'][: (shown - odd + 1) // 2] = poses[odd::2]
     # The last marker has no padding behind it, and an odd count leaves half a pair.
     end = (count - 1) // 2 * layout.dtype.itemsize + layout.ends[(count - 1) % 2]
     return b''.join((head, pairs.view(np.uint8).data[:end]))
@@ -61,17 +63,18 @@ def cube_markers(
 
 @functools.lru_cache(maxsize=2)
 def _standing_cubes(
-    frame_id: str, count: int, cube_size: float, action: int
+    frame_id: str, shown: int, removed: int, cube_size: float
 ) -> NDArray[np.uint8]:
     """Return the memory of the markers with all that does not move filled in."""
     layout = _layout(frame_id)
+    count = shown + removed
     memory = np.tile(layout.pair, -(-count // 2))
     pairs = memory.view(layout.dtype)
     for odd in (0, 1):
         own = pairs[: (count - odd + 1) // 2]
         ids = np.arange(odd, count, 2)
         own[f'id{odd}'] = ids
-        own[f'action{odd}'] = action
+        own[f'action{odd}'] = np.where(ids < shown, ADD, DELETE)
         own[f'scale{odd}'] = cube_size
         own[f'color{odd}'] = PALETTE[ids % len(PALETTE)]
     return memory

@@ -11,7 +11,7 @@ from cube_sim.physics.constants import Constants
 from cube_sim.physics.models import model_named
 from cube_sim.physics.refusal import PhysicsError
 
-__all__ = ['PhysicsError', 'Quantity', 'Settings', 'quantity_of']
+__all__ = ['PhysicsError', 'Quantity', 'Settings', 'checked_number', 'checked_vector', 'quantity']
 
 Vector = tuple[float, float, float]
 
@@ -26,17 +26,11 @@ class Quantity:
     effect: str
 
 
-def _quantity(default: Any, unit: str, low: float, high: float, effect: str) -> Any:
+def quantity(default: Any, unit: str, low: float, high: float, effect: str) -> Any:
+    """Declare a field of a settings record, with its Quantity under the metadata of that name."""
     return dataclasses.field(
         default=default, metadata={'quantity': Quantity(unit, low, high, effect)}
     )
-
-
-def quantity_of(name: str) -> Quantity:
-    """Return what is declared of the numeric setting `name`."""
-    quantity = Settings.__dataclass_fields__[name].metadata['quantity']
-    assert isinstance(quantity, Quantity)
-    return quantity
 
 
 @dataclass(frozen=True)
@@ -49,25 +43,25 @@ class Settings:
     """
 
     model: str = 'simple'
-    restitution: float = _quantity(
+    restitution: float = quantity(
         0.5, '', 0.0, 1.0, 'Share of the normal speed that a bounce gives back; 1 loses nothing'
     )
-    friction: float = _quantity(
+    friction: float = quantity(
         0.5, '', 0.0, 10.0, 'Coulomb coefficient of the model impulse; 0 lets cubes slide for ever'
     )
-    tangential_factor: float = _quantity(
+    tangential_factor: float = quantity(
         0.9, '', 0.0, 1.0, 'Share of the sliding velocity that a bounce of the model simple keeps'
     )
-    gravity: float = _quantity(
+    gravity: float = quantity(
         9.81, 'm/s^2', 0.0, 1000.0, 'Magnitude of the acceleration along gravity_direction'
     )
-    gravity_direction: Vector = _quantity(
+    gravity_direction: Vector = quantity(
         (0.0, 0.0, -1.0), '', -1.0, 1.0, 'Unit vector of gravity in world; turning it tilts the plane'
     )
-    cube_size: float = _quantity(
+    cube_size: float = quantity(
         0.5, 'm', 0.001, 100.0, 'Side of every cube; the mass stays 1 kg, the inertia is side^2/6'
     )
-    time_step_ns: int = _quantity(
+    time_step_ns: int = quantity(
         2_000_000, 'ns', 1_000, 100_000_000, 'Length of one step; the error of a path grows with it'
     )
 
@@ -75,14 +69,15 @@ class Settings:
         """Check every value; PhysicsError says which is wrong and what would be right."""
         model_named(self.model)
         for field in dataclasses.fields(self):
-            if 'quantity' in field.metadata and field.name != 'gravity_direction':
-                _check(field.name, getattr(self, field.name), field.metadata['quantity'])
-                if field.name != 'time_step_ns':
-                    object.__setattr__(self, field.name, float(getattr(self, field.name)))
+            declared = field.metadata.get('quantity')
+            if declared and field.name not in ('gravity_direction', 'time_step_ns'):
+                number = checked_number(field.name, getattr(self, field.name), declared)
+                object.__setattr__(self, field.name, number)
         if type(self.time_step_ns) is not int:
             raise PhysicsError(
                 f'time_step_ns is {self.time_step_ns!r}: a whole number of nanoseconds is needed.'
             )
+        checked_number('time_step_ns', self.time_step_ns, _declared('time_step_ns'))
         object.__setattr__(self, 'gravity_direction', _unit(self.gravity_direction))
 
     def changed(self, **changes: Any) -> Settings:
@@ -115,28 +110,42 @@ class Settings:
         )
 
 
-def _check(name: str, value: object, quantity: Quantity) -> None:
+def _declared(name: str) -> Quantity:
+    declared: Quantity = Settings.__dataclass_fields__[name].metadata['quantity']
+    return declared
+
+
+def checked_number(name: str, value: object, declared: Quantity) -> float:
+    """Return `value` as a float when it is a number in its range, else raise PhysicsError."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not number or not quantity.low <= value <= quantity.high:  # type: ignore[operator]
-        unit = f' {quantity.unit}' if quantity.unit else ''
+    if not number or not declared.low <= value <= declared.high:  # type: ignore[operator]
+        raise PhysicsError(f'{name} is {value!r}: a finite number {_range(declared)} is needed.')
+    return float(value)  # type: ignore[arg-type]
+
+
+def checked_vector(name: str, value: Any, declared: Quantity) -> Vector:
+    """Return `value` as three floats when each is in the range, else raise PhysicsError."""
+    try:
+        x, y, z = (float(component) for component in value)
+    except (TypeError, ValueError):
+        raise PhysicsError(f'{name} is {value!r}: three numbers x, y, z are needed.') from None
+    if not all(declared.low <= component <= declared.high for component in (x, y, z)):
         raise PhysicsError(
-            f'{name} is {value!r}: a finite number from {quantity.low:g} to {quantity.high:g}'
-            f'{unit} is needed.'
+            f'{name} is {[x, y, z]}: three finite numbers {_range(declared)} are needed.'
         )
+    return (x, y, z)
+
+
+def _range(declared: Quantity) -> str:
+    unit = f' {declared.unit}' if declared.unit else ''
+    return f'from {declared.low:g} to {declared.high:g}{unit}'
 
 
 def _unit(direction: Any) -> Vector:
-    try:
-        x, y, z = (float(component) for component in direction)
-    except (TypeError, ValueError):
-        raise PhysicsError(
-            f'gravity_direction is {direction!r}: three numbers x, y, z are needed.'
-        ) from None
+    x, y, z = checked_vector('gravity_direction', direction, Quantity('', -1e6, 1e6, ''))
     length = math.sqrt(x * x + y * y + z * z)
-    if not (math.isfinite(length) and length > 1e-6):
-        raise PhysicsError(
-            f'gravity_direction is {[x, y, z]}: a finite vector that is not zero is needed.'
-        )
+    if length < 1e-6:
+        raise PhysicsError('gravity_direction is zero: a unit vector x, y, z is needed.')
     # A vector that is a unit vector to rounding keeps its bits, so that a recorded direction
     # read back is the very direction that was used.
     if abs(length - 1.0) < 1e-15:

@@ -96,10 +96,10 @@ class World:
         another shape raises PhysicsError and adds nothing.
         """
         columns = [
-            _rows('position', position, 3, POSITION_LIMIT, 'm'),
+            vectors('position', position, 3, POSITION_LIMIT, 'm'),
             unit_quaternions(orientation),
-            _rows('velocity', velocity, 3, VELOCITY_LIMIT, 'm/s'),
-            _rows('spin', spin, 3, SPIN_LIMIT, 'rad/s'),
+            vectors('velocity', velocity, 3, VELOCITY_LIMIT, 'm/s'),
+            vectors('spin', spin, 3, SPIN_LIMIT, 'rad/s'),
         ]
         added = max(len(column) for column in columns)
         if any(len(column) not in (1, added) for column in columns):
@@ -206,18 +206,18 @@ class _Interleaved:
         return self._view
 
 
-def unit_quaternions(orientation: ArrayLike) -> Floats:
+def unit_quaternions(orientation: ArrayLike, name: str = 'orientation') -> Floats:
     """
     Return orientations (N, 4), x y z w, of unit length; PhysicsError when one has no direction.
 
     One that is of unit length to rounding keeps its bits, so that an orientation that was
     recorded and read back is the very one that was used.
     """
-    quaternions = _rows('orientation', orientation, 4, 1e100, '')
+    quaternions = vectors(name, orientation, 4, 1e100, '')
     square = np.sum(quaternions * quaternions, axis=1, keepdims=True)
     if not np.all(square > 1e-12):
-        raise PhysicsError('orientation is zero: a quaternion x, y, z, w of unit length is needed.')
-    off = np.abs(square[:, 0] - 1.0) > 1e-15
+        raise PhysicsError(f'{name} is zero: a quaternion x, y, z, w of unit length is needed.')
+    off = np.abs(square[:, 0] - 1.0) > 4e-15
     if np.any(off):
         quaternions = quaternions.copy()
         quaternions[off] /= np.sqrt(square[off])
@@ -244,7 +244,12 @@ def turned_by(orientation: ArrayLike, vector: ArrayLike) -> Floats:
     )
 
 
-def _rows(name: str, values: ArrayLike, columns: int, limit: float, unit: str) -> Floats:
+def vectors(name: str, values: ArrayLike, columns: int, limit: float, unit: str) -> Floats:
+    """
+    Return `values` (columns,) or (N, columns) as rows (N, columns).
+
+    PhysicsError, with `name`, for another shape or a number that is not finite or beyond `limit`.
+    """
     try:
         rows = np.atleast_2d(np.asarray(values, np.float64))
     except (TypeError, ValueError):
