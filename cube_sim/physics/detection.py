@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from cube_sim.physics.jit import jit
+from cube_sim.physics.compiled import compiled
 from cube_sim.physics.rotation import up_row
 
 
-@jit
+@compiled
 def lowest_corner(
     pz: float, qx: float, qy: float, qz: float, qw: float, half_side: float
 ) -> float:
@@ -15,7 +15,7 @@ def lowest_corner(
     return pz - ((abs(half_side * up_x) + abs(half_side * up_y)) + abs(half_side * up_z))
 
 
-@jit
+@compiled
 def contact_point(
     pz: float, qx: float, qy: float, qz: float, qw: float, half_side: float
 ) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cube_sim.physics.jit import jit
+from cube_sim.physics.compiled import compiled
 
 Floats = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
@@ -31,21 +31,21 @@ _HALF_PI_2 = 6.077100506303966e-11
 _HALF_PI_3 = 2.0222662487959506e-21
 
 
-@jit
+@compiled
 def cosine_series(s: float) -> float:
     """Return cos(a) for s = a^2 <= SERIES_LIMIT."""
     high = _C4 + s * (_C5 + s * (_C6 + s * (_C7 + s * _C8)))
     return 1.0 + s * (_C1 + s * (_C2 + s * (_C3 + s * high)))
 
 
-@jit
+@compiled
 def sinc_series(s: float) -> float:
     """Return sin(a)/a for s = a^2 <= SERIES_LIMIT."""
     high = _S4 + s * (_S5 + s * (_S6 + s * (_S7 + s * _S8)))
     return 1.0 + s * (_S1 + s * (_S2 + s * (_S3 + s * high)))
 
 
-@jit
+@compiled
 def cosine_and_sinc(s: float) -> tuple[float, float]:
     """Return cos(a) and sin(a)/a for s = a^2 of any size, with arithmetic alone (no libm)."""
     if s <= SERIES_LIMIT:
@@ -66,7 +66,7 @@ def cosine_and_sinc(s: float) -> tuple[float, float]:
     return sine, -cosine / a
 
 
-@jit
+@compiled
 def rotor(wx: float, wy: float, wz: float, time_step: float) -> Quaternion:
     """
     Return exp(w dt / 2), the unit quaternion (x, y, z, w) by which a step turns a cube.
@@ -81,7 +81,7 @@ def rotor(wx: float, wy: float, wz: float, time_step: float) -> Quaternion:
     return half_x * sinc, half_y * sinc, half_z * sinc, cosine
 
 
-@jit
+@compiled
 def fill_rotors(
     wx: Floats,
     wy: Floats,
@@ -113,7 +113,7 @@ def fill_rotors(
             x[i], y[i], z[i], w[i] = rotor(wx[i], wy[i], wz[i], time_step)
 
 
-@jit
+@compiled
 def composed(
     ax: float,
     ay: float,
@@ -132,7 +132,7 @@ def composed(
     return x, y, z, w
 
 
-@jit
+@compiled
 def up_row(x: float, y: float, z: float, w: float) -> tuple[float, float, float]:
     """Return the third row of R(q): the heights in world of the three unit axes of the body."""
     return 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)

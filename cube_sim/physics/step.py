@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cube_sim.physics.constants import Constants, Velocities
 from cube_sim.physics.detection import contact_point, lowest_corner
-from cube_sim.physics.jit import jit
+from cube_sim.physics.compiled import compiled
 from cube_sim.physics.models import impulse, simple
 from cube_sim.physics.rotation import composed, fill_rotors, rotor
 
@@ -28,14 +28,24 @@ ROWS = 13
 
 # Cubes of a block: their state and scratch, 17 numbers each, stay in a first-level cache of 48 KiB.
 BLOCK = 256
+SCRATCH_ROWS = 5
 
 
-@jit
+@compiled
 def advance(
-    state: Floats, first: int, last: int, steps: int, model: int, numbers: Floats
+    state: Floats,
+    first: int,
+    last: int,
+    steps: int,
+    model: int,
+    numbers: Floats,
+    scratch: Floats,
 ) -> int:
-    """Advance the cubes first to last - 1 by `steps` steps; return how many contacts they had."""
-    # An array crosses into compiled code faster than a tuple does.
+    """
+    Advance the cubes first to last - 1 by `steps` steps; return how many contacts they had.
+
+    `numbers` (9,) are the Constants; `scratch` (SCRATCH_ROWS, BLOCK) is memory to work in.
+    """
     constants = Constants(
         numbers[0],
         numbers[1],
@@ -48,7 +58,6 @@ def advance(
         numbers[8],
     )
     contacts = 0
-    scratch = np.empty((5, BLOCK))
     for start in range(first, last, BLOCK):
         end = min(start + BLOCK, last)
         px, py, pz = state[PX, start:end], state[PY, start:end], state[PZ, start:end]
@@ -107,7 +116,7 @@ def advance(
     return contacts
 
 
-@jit
+@compiled
 def respond(
     model: int,
     constants: Constants,

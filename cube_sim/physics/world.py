@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cube_sim.physics import step as kernels
+from cube_sim.physics import step as layout
+from cube_sim.physics.machine_code import CompiledStep
 from cube_sim.physics.models import model_named
 from cube_sim.physics.refusal import PhysicsError
 from cube_sim.physics.settings import Settings
@@ -36,14 +37,14 @@ class World:
         """Make an empty world at time 0; `threads` compute together once there are many cubes."""
         if type(threads) is not int or threads < 1:
             raise PhysicsError(f'threads is {threads!r}: a whole number from 1 on is needed.')
-        self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._compiled = [CompiledStep() for _ in range(threads)]
         self._count = 0
         self._steps = 0
         self._contacts = 0
-        self._state = np.zeros((kernels.ROWS, 16))
-        self._poses = _Interleaved(kernels.PX, 7)
-        self._velocities = _Interleaved(kernels.VX, 6)
+        self._state = np.zeros((layout.ROWS, 16))
+        self._poses = _Interleaved(layout.PX, 7)
+        self._velocities = _Interleaved(layout.VX, 6)
         self._adopt(settings if settings is not None else Settings())
 
     def __len__(self) -> int:
@@ -153,32 +154,33 @@ class World:
 
     def _adopt(self, settings: Settings) -> None:
         self._settings = settings
-        self._model = model_named(settings.model).code
-        self._constants = np.array(settings.constants())
+        self._use()
 
     def _advance(self, steps: int) -> int:
-        blocks = -(-self._count // kernels.BLOCK)
-        shares = min(self._threads, blocks)
-        if self._pool is None or shares < 2:
-            return self._advance_range(0, self._count, steps)
-        bounds = [kernels.BLOCK * (blocks * i // shares) for i in range(shares)] + [self._count]
+        if self._pool is None or self._count <= layout.BLOCK:
+            return self._compiled[0].advance(0, self._count, steps)
+        blocks = -(-self._count // layout.BLOCK)
+        shares = min(len(self._compiled), blocks)
+        bounds = [layout.BLOCK * (blocks * i // shares) for i in range(shares)] + [self._count]
         others = [
-            self._pool.submit(self._advance_range, bounds[i], bounds[i + 1], steps)
+            self._pool.submit(self._compiled[i].advance, bounds[i], bounds[i + 1], steps)
             for i in range(1, shares)
         ]
-        contacts = self._advance_range(bounds[0], bounds[1], steps)
+        contacts = self._compiled[0].advance(bounds[0], bounds[1], steps)
         return contacts + sum(other.result() for other in others)
-
-    def _advance_range(self, first: int, last: int, steps: int) -> int:
-        return int(
-            kernels.advance(self._state, first, last, steps, self._model, self._constants)
-        )
 
     def _reserve(self, count: int) -> None:
         if count > self._state.shape[1]:
-            state = np.zeros((kernels.ROWS, max(count, 2 * self._state.shape[1])))
+            state = np.zeros((layout.ROWS, max(count, 2 * self._state.shape[1])))
             state[:, : self._count] = self._state[:, : self._count]
             self._state = state
+            self._use()
+
+    def _use(self) -> None:
+        model = model_named(self._settings.model).code
+        numbers = np.array(self._settings.constants())
+        for compiled in self._compiled:
+            compiled.use(self._state, model, numbers)
 
     def _changed(self) -> None:
         self._poses.stale = True

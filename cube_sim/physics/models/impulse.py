@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cube_sim.physics.constants import Constants, Velocities
-from cube_sim.physics.jit import jit
+from cube_sim.physics.compiled import compiled
 
 CODE = 1
 
@@ -13,7 +13,7 @@ CODE = 1
 NO_SLIDING = 1e-12
 
 
-@jit
+@compiled
 def respond(
     constants: Constants,
     rx: float,

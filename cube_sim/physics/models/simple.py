@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from cube_sim.physics.constants import Constants, Velocities
-from cube_sim.physics.jit import jit
+from cube_sim.physics.compiled import compiled
 
 CODE = 0
 
 
-@jit
+@compiled
 def respond(
     constants: Constants,
     rx: float,
