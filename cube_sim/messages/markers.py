@@ -62,9 +62,7 @@ def cube_markers(
 
 
 @functools.lru_cache(maxsize=2)
-def _standing_cubes(
-    frame_id: str, shown: int, removed: int, cube_size: float
-) -> NDArray[np.uint8]:
+def _standing_cubes(frame_id: str, shown: int, removed: int, cube_size: float) -> NDArray[np.uint8]:
     """Return the memory of the markers with all that does not move filled in."""
     layout = _layout(frame_id)
     count = shown + removed
@@ -120,9 +118,7 @@ def _layout(frame_id: str) -> _Layout:
     return _Layout(pair, dtype, (ends[0], ends[1]))
 
 
-def _write_cube(
-    cdr: CdrWriter, frame_id: str
-) -> list[tuple[str, str | tuple[str, int], int]]:
+def _write_cube(cdr: CdrWriter, frame_id: str) -> list[tuple[str, str | tuple[str, int], int]]:
     """Write a CUBE whose varying fields are blank; return name, type and place of each."""
     fields: list[tuple[str, str | tuple[str, int], int]] = []
     cdr.align(4)

@@ -21,10 +21,12 @@ def diagnostic_array(
     dropped_before: int,
 ) -> DiagnosticArray:
     """Return the state of simulation and recorder; rates are those between the two counts."""
-    array = DiagnosticArray(status=[
-        _simulation_status(simulation, runner, before, now),
-        _recorder_status(recorder, dropped_before),
-    ])
+    array = DiagnosticArray(
+        status=[
+            _simulation_status(simulation, runner, before, now),
+            _recorder_status(recorder, dropped_before),
+        ]
+    )
     seconds, array.header.stamp.nanosec = divmod(now.sim_ns, 1_000_000_000)
     array.header.stamp.sec = seconds
     return array
@@ -43,6 +45,7 @@ def _simulation_status(
     wall_ns = max(1, now.wall_ns - before.wall_ns)
     steps = now.steps - before.steps
     physics_ns = now.physics_ns - before.physics_ns
+    messages_ns = now.messages_ns - before.messages_ns
     overruns = now.overruns - before.overruns
     level, message = DiagnosticStatus.OK, 'running'
     if runner.paused:
@@ -53,20 +56,25 @@ def _simulation_status(
         level = DiagnosticStatus.WARN
         message = f'behind: {factor:.2f} of a real-time factor of {asked:g}'
     settings = simulation.world.settings
-    return _status('simulation', level, message, {
-        'simulation time': f'{now.sim_ns / 1e9:.3f} s',
-        'model': settings.model,
-        'cubes': len(simulation.world),
-        'max_cubes': simulation.throwing.max_cubes,
-        'contacts': simulation.world.contacts,
-        'real-time factor': f'{factor:.3f}',
-        'real-time factor asked for': f'{asked:g}' if asked else 'as fast as it can',
-        'step cost': f'{physics_ns / 1e3 / steps:.2f} us' if steps else 'no steps',
-        'physics share of a CPU': f'{100 * physics_ns / wall_ns:.1f} %',
-        'messages share of a CPU': f'{100 * (now.messages_ns - before.messages_ns) / wall_ns:.1f} %',
-        'overruns': now.overruns,
-        'time given up': f'{now.lost_ns / 1e9:.3f} s',
-    })
+    return _status(
+        'simulation',
+        level,
+        message,
+        {
+            'simulation time': f'{now.sim_ns / 1e9:.3f} s',
+            'model': settings.model,
+            'cubes': len(simulation.world),
+            'max_cubes': simulation.throwing.max_cubes,
+            'contacts': simulation.world.contacts,
+            'real-time factor': f'{factor:.3f}',
+            'real-time factor asked for': f'{asked:g}' if asked else 'as fast as it can',
+            'step cost': f'{physics_ns / 1e3 / steps:.2f} us' if steps else 'no steps',
+            'physics share of a CPU': f'{100 * physics_ns / wall_ns:.1f} %',
+            'messages share of a CPU': f'{100 * messages_ns / wall_ns:.1f} %',
+            'overruns': now.overruns,
+            'time given up': f'{now.lost_ns / 1e9:.3f} s',
+        },
+    )
 
 
 def _recorder_status(recorder: Recorder | None, dropped_before: int) -> DiagnosticStatus:
@@ -77,12 +85,17 @@ def _recorder_status(recorder: Recorder | None, dropped_before: int) -> Diagnost
         level, message = DiagnosticStatus.ERROR, recorder.error
     elif recorder.drops > dropped_before:
         level, message = DiagnosticStatus.WARN, 'dropping messages: the disk is too slow'
-    return _status('recorder', level, message, {
-        'bag': recorder.path,
-        'messages': recorder.messages,
-        'bytes': recorder.bytes,
-        'drops': recorder.drops,
-    })
+    return _status(
+        'recorder',
+        level,
+        message,
+        {
+            'bag': recorder.path,
+            'messages': recorder.messages,
+            'bytes': recorder.bytes,
+            'drops': recorder.drops,
+        },
+    )
 
 
 def _status(name: str, level: bytes, message: str, values: dict[str, object]) -> DiagnosticStatus:

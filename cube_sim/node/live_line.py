@@ -14,15 +14,20 @@ from cube_sim.simulation.simulation import Simulation
 def banner(name: str, simulation: Simulation, bag: Path | None) -> str:
     """Return how to use the node called `name`: throws, topics, and where the bag goes."""
     settings = simulation.world.settings
-    lines = [
+    head = (
         f'cube_sim runs: model {settings.model}, steps of {settings.time_step * 1e3:g} ms, '
-        f'{1e9 / simulation.period_ns:g} publications a second',
+        f'{1e9 / simulation.period_ns:g} publications a second'
+    )
+    lines = [
+        head,
         '',
         f'  throw a cube      ros2 service call {name}/throw std_srvs/srv/Trigger',
         '                    python3 -m cube_sim.node.throw      (without the ros2 command)',
         f'  switch the model  ros2 service call {name}/next_model std_srvs/srv/Trigger',
         f'  look at           {name}/poses  {name}/markers  {name}/throws  {name}/settings',
-        f'  bag               {bag}' if bag else '  bag               none; start one with '
+        f'  bag               {bag}'
+        if bag
+        else '  bag               none; start one with '
         f'ros2 service call {name}/record std_srvs/srv/SetBool "{{data: true}}"',
         '  end               Ctrl-C',
         '',

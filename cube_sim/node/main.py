@@ -38,7 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     spinning.start()
     try:
         if node.get_parameter('live_line').value:
-            sys.stdout.write(banner(node.get_fully_qualified_name(), node.simulation, node.bag_path))
+            sys.stdout.write(
+                banner(node.get_fully_qualified_name(), node.simulation, node.bag_path)
+            )
             line = LiveLine.on_stdout(node.simulation, node.runner.progress())
             while not stop.wait(line.period):
                 line.show(node.runner.progress(), '   paused' if node.runner.paused else '')

@@ -34,7 +34,7 @@ from cube_sim.simulation.simulation import steps_at
 CMD_VEL_TIMEOUT = 0.5
 
 
-class SimNode(Node):  # type: ignore[misc]
+class SimNode(Node):
     """
     The node of the contract: throws, poses, markers, settings and bags.
 
@@ -74,7 +74,8 @@ class SimNode(Node):  # type: ignore[misc]
         self.add_post_set_parameters_callback(self._applied)
         self._before = self._runner.progress()
         self._dropped_before = 0
-        self.create_timer(1.0, self._publish_diagnostics, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0, self._publish_diagnostics, clock=steady)
         self._runner.start()
 
     @property

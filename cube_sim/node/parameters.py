@@ -91,8 +91,8 @@ def _physics_parameters() -> list[Parameter]:
     for name, field in PHYSICS.items():
         if name == 'physics_model':
             models = '; '.join(f'{model}: {MODELS[model].summary}' for model in MODELS)
-            default = Settings.__dataclass_fields__[field].default
-            found.append(Parameter(name, default, f'Response to contact. {models}', changeable=True))
+            does = f'Response to contact. {models}'
+            found.append(Parameter(name, Settings().model, does, changeable=True))
         elif name == 'time_step':
             step: Quantity = Settings.__dataclass_fields__[field].metadata['quantity']
             found.append(
@@ -138,7 +138,7 @@ PARAMETERS: dict[str, Parameter] = {
             'duration', 0.0, 'Simulated time after which the node ends; 0 is no end', 's', 0.0, 1e9
         ),
         Parameter(
-            'scenario', '', 'YAML file of timed throws, settings and camera poses, or a packaged name'
+            'scenario', '', 'YAML file of timed throws, settings and poses, or a packaged name'
         ),
         Parameter('record', False, 'Record a bag from the start'),
         Parameter('bag_directory', '.', 'Where bags are made; it is created when it is not there'),
@@ -149,7 +149,7 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter(
             'camera.orientation', [0.0, 0.0, 0.0, 1.0], 'How it is turned, quaternion x y z w'
         ),
-        Parameter('live_line', False, 'Show time, cubes, model and real-time factor in the terminal'),
+        Parameter('live_line', False, 'Show time, cubes, model and factor in the terminal'),
     )
 }
 
@@ -181,9 +181,10 @@ def steps_of_period(publish_rate: float, time_step_ns: int) -> int:
     steps = 1e9 / (publish_rate * time_step_ns)
     whole = max(1, round(steps))
     if abs(steps - whole) > 1e-9 * whole:
-        fits = sorted({1e9 / (n * time_step_ns) for n in (max(1, math.floor(steps)), whole)} | {
-            1e9 / (math.ceil(steps) * time_step_ns)
-        })
+        fits = sorted(
+            {1e9 / (n * time_step_ns) for n in (max(1, math.floor(steps)), whole)}
+            | {1e9 / (math.ceil(steps) * time_step_ns)}
+        )
         near = ' or '.join(f'{rate:g}' for rate in fits)
         raise PhysicsError(
             f'publish_rate is {publish_rate:g}: its period is {steps:g} steps of '
@@ -252,7 +253,10 @@ def as_ros(values: dict[str, Any]) -> list[RosParameter]:
 
 def markdown_table() -> str:
     """Return the table of the parameters as the README shows it."""
-    rows = ['| parameter | default | unit | range | changes | what it does |', '|---|---|---|---|---|---|']
+    rows = [
+        '| parameter | default | unit | range | changes | what it does |',
+        '|---|---|---|---|---|---|',
+    ]
     for parameter in PARAMETERS.values():
         bounded = parameter.low is not None and parameter.high is not None
         span = f'{parameter.low:g} … {parameter.high:g}' if bounded else ''

@@ -18,7 +18,8 @@ def main(argv: list[str] | None = None) -> int:
     if len(arguments) > 1 or not all(argument.isdigit() for argument in arguments):
         sys.stderr.write('usage: python3 -m cube_sim.node.throw [NUMBER OF CUBES]\n')
         return 2
-    with rclpy.init():
+    rclpy.init()
+    try:
         node = Node('cube_thrower')
         client = node.create_client(Trigger, '/cube_sim/throw')
         if not client.wait_for_service(DEADLINE):
@@ -32,6 +33,8 @@ def main(argv: list[str] | None = None) -> int:
                 sys.stderr.write(f'{answer.message if answer else "No answer came."}\n')
                 return 1
             sys.stdout.write(f'cube {answer.message}\n')
+    finally:
+        rclpy.try_shutdown()
     return 0
 
 

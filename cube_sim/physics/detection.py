@@ -7,9 +7,7 @@ from cube_sim.physics.rotation import up_row
 
 
 @compiled
-def lowest_corner(
-    pz: float, qx: float, qy: float, qz: float, qw: float, half_side: float
-) -> float:
+def lowest_corner(pz: float, qx: float, qy: float, qz: float, qw: float, half_side: float) -> float:
     """Return the height of the lowest corner of a cube whose centre is at height pz, m."""
     up_x, up_y, up_z = up_row(qx, qy, qz, qw)
     return pz - ((abs(half_side * up_x) + abs(half_side * up_y)) + abs(half_side * up_z))

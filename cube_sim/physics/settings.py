@@ -56,7 +56,7 @@ class Settings:
         9.81, 'm/s^2', 0.0, 1000.0, 'Magnitude of the acceleration along gravity_direction'
     )
     gravity_direction: Vector = quantity(
-        (0.0, 0.0, -1.0), '', -1.0, 1.0, 'Unit vector of gravity in world; turning it tilts the plane'
+        (0.0, 0.0, -1.0), '', -1.0, 1.0, 'Unit vector of gravity, world; turning it tilts the plane'
     )
     cube_size: float = quantity(
         0.5, 'm', 0.001, 100.0, 'Side of every cube; the mass stays 1 kg, the inertia is side^2/6'

@@ -14,9 +14,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cube_sim.physics.compiled import compiled
 from cube_sim.physics.constants import Constants, Velocities
 from cube_sim.physics.detection import contact_point, lowest_corner
-from cube_sim.physics.compiled import compiled
 from cube_sim.physics.models import impulse, simple
 from cube_sim.physics.rotation import composed, fill_rotors, rotor
 
@@ -95,9 +95,7 @@ def advance(
                 qz[i] = z * scale
                 qw[i] = w * scale
                 # Detection: no corner is below the lowest one.
-                lowest[i] = lowest_corner(
-                    pz[i], qx[i], qy[i], qz[i], qw[i], constants.half_side
-                )
+                lowest[i] = lowest_corner(pz[i], qx[i], qy[i], qz[i], qw[i], constants.half_side)
 
             # Response, of those that penetrate only: out of the plane, then new velocities.
             for i in range(end - start):

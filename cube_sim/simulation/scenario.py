@@ -149,15 +149,14 @@ class _Reader:
         keys = self._mapping(node, ('at', *ACTIONS), 'an entry')
         actions = [key for key in keys if key in ACTIONS]
         if 'at' not in keys or len(actions) != 1:
-            raise self.error(
-                node, f'an entry needs "at" and exactly one of {", ".join(ACTIONS)}'
-            )
+            raise self.error(node, f'an entry needs "at" and exactly one of {", ".join(ACTIONS)}')
         at = self._number(keys['at'], 'at')
         if not 0.0 <= at <= LONGEST:
             raise self.error(keys['at'], f'at is {at}: seconds from 0 to {LONGEST:g} are needed')
         name = actions[0]
         values = self._mapping(keys[name], ACTIONS[name], f'"{name}"')
-        return Entry(round(at * 1e9), self._action(name, keys[name], values), node.start_mark.line + 1)
+        action = self._action(name, keys[name], values)
+        return Entry(round(at * 1e9), action, node.start_mark.line + 1)
 
     def _action(self, name: str, node: yaml.Node, values: dict[str, yaml.Node]) -> Action:
         # What the values must be is said once, by the records that will take them.
@@ -182,9 +181,7 @@ class _Reader:
             raise self.error(node, str(error).rstrip('.')) from None
         return Reset()
 
-    def _mapping(
-        self, node: yaml.Node, allowed: Iterable[str], what: str
-    ) -> dict[str, yaml.Node]:
+    def _mapping(self, node: yaml.Node, allowed: Iterable[str], what: str) -> dict[str, yaml.Node]:
         if isinstance(node, yaml.ScalarNode) and node.value in ('', 'null', '~'):
             return {}
         if not isinstance(node, yaml.MappingNode):

@@ -138,8 +138,8 @@ class Simulation:
         if self.finished:
             return
         world = self._world
-        goal = self._next_publication if self._end is None else min(
-            self._next_publication, self._end
+        goal = (
+            self._next_publication if self._end is None else min(self._next_publication, self._end)
         )
         while True:
             until = self._play_entries(goal)
@@ -188,9 +188,7 @@ class Simulation:
         """Remove all cubes; time goes on."""
         self._world.reset()
         # Nothing of the cubes that are gone is needed any more, only what holds now.
-        self._events = [
-            next(event for event in reversed(self._events) if event[0] == SETTINGS)
-        ]
+        self._events = [next(event for event in reversed(self._events) if event[0] == SETTINGS)]
         self._record(RESETS, events.header(self._world.time_ns, self._frame_id))
 
     def check(self, changes: Mapping[str, Any]) -> None:

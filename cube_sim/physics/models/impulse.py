@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from cube_sim.physics.constants import Constants, Velocities
 from cube_sim.physics.compiled import compiled
+from cube_sim.physics.constants import Constants, Velocities
 
 CODE = 1
 

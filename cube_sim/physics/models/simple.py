@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cube_sim.physics.constants import Constants, Velocities
 from cube_sim.physics.compiled import compiled
+from cube_sim.physics.constants import Constants, Velocities
 
 CODE = 0
 
