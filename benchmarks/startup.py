@@ -36,7 +36,12 @@ except rclpy.executors.ExternalShutdownException:
     pass
 """
 SIM = [
-    sys.executable, '-m', 'cube_sim.node.main', '--ros-args', '-p', 'scenario:=first_throws',
+    sys.executable,
+    '-m',
+    'cube_sim.node.main',
+    '--ros-args',
+    '-p',
+    'scenario:=first_throws',
 ]
 
 # A start slower than this has waited for discovery, s.

@@ -193,8 +193,8 @@ class _Interleaved:
     def __init__(self, first_row: int, columns: int) -> None:
         self.stale = True
         self._first_row = first_row
-        self._memory = np.empty((0, columns))
-        self._view = self._memory
+        self._memory: Floats = np.empty((0, columns))
+        self._view: Floats = self._memory
 
     def of(self, state: Floats, count: int) -> Floats:
         if self.stale:

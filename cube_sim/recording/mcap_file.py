@@ -338,7 +338,7 @@ def _add_notes(data: bytearray, notes: Notes, start: int) -> list[MetadataIndex]
 def _encode(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
-    return bytes(builder.end())  # type: ignore[no-untyped-call]
+    return bytes(builder.end())
 
 
 def _compressor(compression: str) -> Callable[[bytes], bytes]:

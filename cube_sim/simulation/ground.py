@@ -64,7 +64,8 @@ def _noise(x: Floats, y: Floats) -> Floats:
     v = v * v * (3.0 - 2.0 * v)
     low = _hashed(i, j) * (1.0 - u) + _hashed(i + 1, j) * u
     high = _hashed(i, j + 1) * (1.0 - u) + _hashed(i + 1, j + 1) * u
-    return low * (1.0 - v) + high * v
+    blended: Floats = low * (1.0 - v) + high * v
+    return blended
 
 
 def _hashed(i: Floats, j: Floats) -> Floats:
