@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TextIO
@@ -18,21 +19,24 @@ def banner(name: str, simulation: Simulation, bag: Path | None) -> str:
         f'cube_sim runs: model {settings.model}, steps of {settings.time_step * 1e3:g} ms, '
         f'{1e9 / simulation.period_ns:g} publications a second'
     )
+    none = f'none; ros2 service call {name}/record std_srvs/srv/SetBool "{{data: true}}"'
     lines = [
         head,
         '',
         f'  throw a cube      ros2 service call {name}/throw std_srvs/srv/Trigger',
-        '                    python3 -m cube_sim.node.throw      (without the ros2 command)',
+        f'    without ros2    {_python()} -m cube_sim.node.throw',
         f'  switch the model  ros2 service call {name}/next_model std_srvs/srv/Trigger',
         f'  look at           {name}/poses  {name}/markers  {name}/throws  {name}/settings',
-        f'  bag               {bag}'
-        if bag
-        else '  bag               none; start one with '
-        f'ros2 service call {name}/record std_srvs/srv/SetBool "{{data: true}}"',
+        f'  bag               {bag or none}',
         '  end               Ctrl-C',
         '',
     ]
     return '\n'.join(lines)
+
+
+def _python() -> str:
+    """Return the shortest name of the Python that runs this."""
+    return min((sys.executable, os.path.relpath(sys.executable)), key=len)
 
 
 class LiveLine:

@@ -22,6 +22,7 @@ def main(argv: list[str] | None = None) -> int:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
+    from rclpy.task import Future
 
     from cube_sim.node.live_line import LiveLine, banner
     from cube_sim.node.node import SimNode
@@ -34,13 +35,23 @@ def main(argv: list[str] | None = None) -> int:
     node = SimNode(on_finished=stop.set)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    spinning = threading.Thread(target=executor.spin, name='executor', daemon=True)
-    spinning.start()
+    served: Future[None] = Future()
+
+    def serve() -> None:
+        while rclpy.ok() and not served.done():
+            try:
+                executor.spin_until_future_complete(served)
+            except Exception as error:  # one bad request must not make the node deaf
+                node.get_logger().error(f'A request could not be served: {error!r}')
+
+    serving = threading.Thread(target=serve, name='executor', daemon=True)
+    serving.start()
     try:
         if node.get_parameter('live_line').value:
             sys.stdout.write(
                 banner(node.get_fully_qualified_name(), node.simulation, node.bag_path)
             )
+            sys.stdout.flush()
             line = LiveLine.on_stdout(node.simulation, node.runner.progress())
             while not stop.wait(line.period):
                 line.show(node.runner.progress(), '   paused' if node.runner.paused else '')
@@ -49,8 +60,9 @@ def main(argv: list[str] | None = None) -> int:
             stop.wait()
     finally:
         bag = node.close()
+        served.set_result(None)
+        serving.join(5.0)
         executor.shutdown()
-        spinning.join(5.0)
         node.destroy_node()
         rclpy.try_shutdown()
         if bag is not None:

@@ -48,7 +48,7 @@ class SimNode(Node):
         values = parameters.declare(self)
         self._closing = threading.Lock()
         self._closed = False
-        self._bag_directory = Path(values['bag_directory']).expanduser()
+        self._bag_directory = values['bag_directory']
         self._outlet = NodeOutlet(
             publish_clock=values['publish_clock'], record_markers=values['record_markers']
         )
@@ -197,10 +197,14 @@ class SimNode(Node):
     def _start_recording(self) -> Path:
         if self._outlet.recorder is not None:
             raise RecordingError(f'Already recording to {self._outlet.recorder.path}.')
+        try:
+            directory = Path(self._bag_directory).expanduser()
+        except RuntimeError as error:  # "~" of a user that is not there
+            raise RecordingError(f'bag_directory is {self._bag_directory!r}: {error}') from None
         specs = (*topics.PUBLISHED, *topics.SUBSCRIBED)
         names = {spec.name: self.resolve_topic_name(spec.name) for spec in specs}
         recorder = Recorder(
-            new_bag_path(self._bag_directory, datetime.now()),
+            new_bag_path(directory, datetime.now()),
             [spec.recorded(names[spec.name]) for spec in specs],
             on_error=lambda sentence: self.get_logger().error(sentence),
         )
@@ -209,7 +213,11 @@ class SimNode(Node):
             time_ns = self._simulation.world.time_ns
             self._outlet.attach(recorder, names, time_ns, self._simulation.latched())
 
-        self._runner.do(attach)
+        try:
+            self._runner.do(attach)
+        except RuntimeError:  # the simulation has stopped; an empty bag is still to be whole
+            recorder.close()
+            raise
         return recorder.path
 
     # The camera.

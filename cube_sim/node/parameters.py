@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import array
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,11 +64,12 @@ class Parameter:
         """Return `value` with whole numbers made floats where floats are meant."""
         if isinstance(self.default, float) and type(value) is int:
             return float(value)
-        if isinstance(self.default, list) and not isinstance(value, (str, bytes)):
-            try:
-                return [float(item) for item in value]
-            except (TypeError, ValueError):
-                return value
+        if (
+            isinstance(self.default, list)
+            and isinstance(value, (Sequence, array.array))
+            and all(type(item) in (int, float) for item in value)
+        ):
+            return [float(item) for item in value]
         return value
 
 
