@@ -85,6 +85,8 @@ def _recorder_status(recorder: Recorder | None, dropped_before: int) -> Diagnost
         level, message = DiagnosticStatus.ERROR, recorder.error
     elif recorder.drops > dropped_before:
         level, message = DiagnosticStatus.WARN, 'dropping messages: the disk is too slow'
+    elif recorder.drops:
+        message = 'recording; the bag lacks messages'
     return _status(
         'recorder',
         level,
@@ -94,6 +96,9 @@ def _recorder_status(recorder: Recorder | None, dropped_before: int) -> Diagnost
             'messages': recorder.messages,
             'bytes': recorder.bytes,
             'drops': recorder.drops,
+            'files': recorder.files,
+            'resumed': recorder.resumed,
+            'waiting': f'{recorder.waiting_bytes} bytes',
         },
     )
 

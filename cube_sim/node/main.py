@@ -5,12 +5,33 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+from queue import Empty, SimpleQueue
 from types import FrameType
+
+
+class _Stop:
+    """Lets the main thread wait for the end, which a signal handler may ask for at any moment.
+
+    An Event would not do: a signal that comes while its lock is held waits for it for ever.
+    """
+
+    def __init__(self) -> None:
+        self._asked: SimpleQueue[None] = SimpleQueue()
+
+    def set(self) -> None:
+        self._asked.put(None)
+
+    def wait(self, timeout: float | None = None) -> bool:
+        try:
+            self._asked.get(timeout=timeout)
+        except Empty:
+            return False
+        return True
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the node until it has reached its duration or is asked to end; return the exit code."""
-    stop = threading.Event()
+    stop = _Stop()
 
     def ask_to_stop(_: int, __: FrameType | None) -> None:
         stop.set()
@@ -21,6 +42,7 @@ def main(argv: list[str] | None = None) -> int:
 
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
+    from rclpy.logging import LoggingSeverity, get_logger_effective_level, set_logger_level
     from rclpy.signals import SignalHandlerOptions
     from rclpy.task import Future
 
@@ -28,14 +50,18 @@ def main(argv: list[str] | None = None) -> int:
     from cube_sim.node.node import SimNode
 
     try:
+        # What is wrong with the arguments is said once, below.
+        set_logger_level('rcl', LoggingSeverity.FATAL)
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+        if get_logger_effective_level('rcl') == LoggingSeverity.FATAL:
+            set_logger_level('rcl', LoggingSeverity.UNSET)
     except Exception as error:
         sys.stderr.write(f'sim_node: {error}\n')
         return 2
     node = SimNode(on_finished=stop.set)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    served: Future[None] = Future()
+    served = Future()
 
     def serve() -> None:
         while rclpy.ok() and not served.done():
@@ -68,6 +94,9 @@ def main(argv: list[str] | None = None) -> int:
         if bag is not None:
             sys.stdout.write(f'bag: {bag}\n')
             sys.stdout.flush()
+        # While Python ends it would put back the handlers that kill.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
     return 0
 
 

@@ -49,6 +49,11 @@ class SimNode(Node):
         self._closing = threading.Lock()
         self._closed = False
         self._bag_directory = values['bag_directory']
+        self._bag_options: dict[str, Any] = {
+            'compression': values['bag_compression'],
+            'max_bytes': values['max_bag_size'],
+            'max_duration_ns': round(values['max_bag_duration'] * 1e9),
+        }
         self._outlet = NodeOutlet(
             publish_clock=values['publish_clock'], record_markers=values['record_markers']
         )
@@ -207,6 +212,8 @@ class SimNode(Node):
             new_bag_path(directory, datetime.now()),
             [spec.recorded(names[spec.name]) for spec in specs],
             on_error=lambda sentence: self.get_logger().error(sentence),
+            on_notice=lambda sentence: self.get_logger().warning(sentence),
+            **self._bag_options,
         )
 
         def attach() -> None:

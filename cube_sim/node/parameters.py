@@ -7,7 +7,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import rclpy.node
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -16,6 +16,7 @@ from rclpy.parameter import Parameter as RosParameter
 from cube_sim.physics.models import MODELS
 from cube_sim.physics.refusal import PhysicsError
 from cube_sim.physics.settings import Quantity, Settings, checked_number
+from cube_sim.recording import Compression
 from cube_sim.simulation import Throwing
 from cube_sim.simulation.camera import Camera
 from cube_sim.simulation.parameters import (
@@ -28,6 +29,10 @@ from cube_sim.simulation.parameters import (
 )
 
 Value = bool | int | float | str | list[float]
+
+COMPRESSIONS: tuple[str, ...] = get_args(Compression)
+# Each file of a bag repeats the descriptions of all topics: smaller ones hold little else.
+LEAST_OF_A_BAG_FILE = {'max_bag_size': 1_000_000, 'max_bag_duration': 1.0}
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ class Parameter:
         if (
             isinstance(self.default, list)
             and isinstance(value, (Sequence, array.array))
-            and all(type(item) in (int, float) for item in value)
+            and all(isinstance(item, (int, float)) and type(item) is not bool for item in value)
         ):
             return [float(item) for item in value]
         return value
@@ -146,6 +151,23 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter('record', False, 'Record a bag from the start'),
         Parameter('bag_directory', '.', 'Where bags are made; it is created when it is not there'),
         Parameter('record_markers', False, 'Record the markers too', changeable=True),
+        Parameter('bag_compression', 'none', f'How bags are compressed: {", ".join(COMPRESSIONS)}'),
+        Parameter(
+            'max_bag_size',
+            0,
+            'Size that no file of a bag exceeds, 1 MB or more; 0 is no limit',
+            'bytes',
+            0,
+            2**50,
+        ),
+        Parameter(
+            'max_bag_duration',
+            0.0,
+            'Simulated time after which a bag goes on in a new file, 1 s or more; 0 is no limit',
+            's',
+            0.0,
+            1e9,
+        ),
         Parameter('frame_id', 'world', 'Frame of everything that is published'),
         Parameter('publish_clock', True, 'Publish simulation time on /clock'),
         Parameter('camera.position', [0.0, 0.0, 1.5], 'Where the camera starts, x y z', 'm'),
@@ -199,10 +221,20 @@ def steps_of_period(publish_rate: float, time_step_ns: int) -> int:
 def _check_alone(parameter: Parameter, value: Any) -> None:
     name = parameter.name
     expected = type(parameter.default)
-    if type(value) is not expected:
+    right = type(value) is expected
+    if right and expected is list:
+        right = all(type(item) is float for item in value)
+    if not right:
         words = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'text'}
         need = words.get(expected, 'a list of numbers')
         raise ParameterError(f'{name} is {value!r}: {need} is needed.')
+    if name == 'bag_compression' and value not in COMPRESSIONS:
+        raise ParameterError(f'{name} is {value!r}: choose one of {", ".join(COMPRESSIONS)}.')
+    least = LEAST_OF_A_BAG_FILE.get(name, 0)
+    if name in LEAST_OF_A_BAG_FILE and 0 < value < least:
+        raise ParameterError(
+            f'{name} is {value}: 0 or at least {least} {parameter.unit} is needed.'
+        )
     if parameter.low is None or parameter.high is None or isinstance(value, (list, str)):
         return
     try:

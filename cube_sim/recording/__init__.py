@@ -6,19 +6,34 @@ bytes.
 
     topic         Topic: name, type, quality of service
     definitions   message texts and type hashes, from the ROS installation's share directory
+    chunk         a chunk of messages, in memory and as records
+    compression   none, lz4, zstd
     mcap_file     McapFile: one MCAP file
     metadata      the bag's description, for metadata.yaml and inside of each file
-    bag           BagWriter: the directory; new_bag_path: a free name for it
+    drops         DropLog: what a bag lacks, and when
+    directory     the bag's directory; new_bag_path: a free name for it
+    bag           BagWriter: the files of a bag, one after the other
     recorder      Recorder: a BagWriter in a thread, behind a bounded queue
 
 What goes wrong leaves this room as RecordingError, in a sentence for the user. An MCAP file that
 its process could not finish still holds every chunk that was flushed.
 """
 
-from cube_sim.recording.bag import BagWriter, new_bag_path
+from cube_sim.recording.bag import BagWriter
+from cube_sim.recording.compression import Compression
+from cube_sim.recording.directory import new_bag_path
+from cube_sim.recording.drops import DropLog, Gap
 from cube_sim.recording.errors import RecordingError
-from cube_sim.recording.mcap_file import Compression
 from cube_sim.recording.recorder import Recorder
 from cube_sim.recording.topic import Topic
 
-__all__ = ['BagWriter', 'Compression', 'Recorder', 'RecordingError', 'Topic', 'new_bag_path']
+__all__ = [
+    'BagWriter',
+    'Compression',
+    'DropLog',
+    'Gap',
+    'Recorder',
+    'RecordingError',
+    'Topic',
+    'new_bag_path',
+]

@@ -28,6 +28,8 @@ class FileInfo:
     """Latest log time; NO_TIME_NS without messages."""
     counts: Mapping[str, int] = field(default_factory=dict)
     """Messages of each topic, by topic name."""
+    payload_bytes: int = 0
+    """Sum of the messages' sizes, B."""
 
     @property
     def messages(self) -> int:

@@ -10,6 +10,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from cube_sim.physics import PhysicsError
 from cube_sim.simulation.simulation import Simulation
 
 Result = TypeVar('Result')
@@ -85,8 +86,7 @@ class Runner:
             self._wake.notify()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join()
-        while self._commands:
-            self._commands.popleft()[1].set_exception(_stopped())
+        self._refuse_commands()
 
     def do(self, command: Callable[[], Result]) -> Result:
         """
@@ -116,9 +116,12 @@ class Runner:
 
     def fly(self, linear: list[float], angular: list[float], seconds: float) -> None:
         """Move the camera at that velocity, m/s and rad/s, for that long. For use in a command."""
+        now = time.monotonic()
+        # The former velocity has held until now: commands may come faster than frames.
+        self._fly_camera(now)
         moving = any(linear) or any(angular)
-        self._velocity = (linear, angular, time.monotonic() + seconds) if moving else None
-        self._flown = time.monotonic()
+        self._velocity = (linear, angular, now + seconds) if moving else None
+        self._flown = now
 
     def progress(self) -> Progress:
         """Return the counters as they are."""
@@ -134,10 +137,19 @@ class Runner:
         )
 
     def _run(self) -> None:
+        try:
+            self._pace()
+        finally:
+            # After an error, too: nobody shall wait for an answer that cannot come.
+            with self._wake:
+                self._stopping = True
+            self._refuse_commands()
+
+    def _pace(self) -> None:
         self._set_anchor()
         while not self._stopping:
             self._take_commands()
-            self._fly_camera()
+            self._fly_camera(time.monotonic())
             if self._simulation.finished:
                 self._on_finished()
                 self._wait(None)
@@ -161,6 +173,10 @@ class Runner:
             except Exception as error:  # it belongs to whoever gave the command
                 future.set_exception(error)
 
+    def _refuse_commands(self) -> None:
+        while self._commands:
+            self._commands.popleft()[1].set_exception(_stopped())
+
     def _wait(self, seconds: float | None) -> None:
         """Wait for that time, for ever if None, but no longer than until a command comes."""
         if self._velocity is not None:
@@ -171,13 +187,16 @@ class Runner:
             if not self._commands and not self._stopping:
                 self._wake.wait(seconds)
 
-    def _fly_camera(self) -> None:
+    def _fly_camera(self, now: float) -> None:
         if self._velocity is None:
             return
         linear, angular, until = self._velocity
-        now = min(time.monotonic(), until)
+        now = min(now, until)
         if now > self._flown:
-            self._simulation.fly_camera(linear, angular, now - self._flown)
+            try:
+                self._simulation.fly_camera(linear, angular, now - self._flown)
+            except PhysicsError:  # it is as far away as it may be, and stays there
+                until = now
             self._flown = now
         if now == until:
             self._velocity = None

@@ -124,7 +124,10 @@ def packaged_scenarios() -> dict[str, Path]:
 
 
 def _file_of(path: str | Path) -> Path:
-    file = Path(path).expanduser()
+    try:
+        file = Path(path).expanduser()
+    except RuntimeError as error:  # "~" of a user that is not there
+        raise ScenarioError(f'{path}: {error}') from None
     if file.is_file():
         return file
     packaged = packaged_scenarios()
@@ -198,7 +201,10 @@ class _Reader:
         return found
 
     def _plain(self, node: yaml.Node) -> Any:
-        value = yaml.SafeLoader('').construct_object(node, deep=True)
+        try:
+            value = yaml.SafeLoader('').construct_object(node, deep=True)
+        except (yaml.YAMLError, ValueError):  # a foreign tag, the 99th of a month
+            raise self.error(node, 'a plain YAML value is needed') from None
         # YAML 1.1 reads 1e3 as text.
         if isinstance(value, str):
             try:

@@ -82,7 +82,11 @@ def test_a_full_queue_drops_and_counts_but_never_waits(
     assert not recorder.write('/cube_sim/poses', 0, make.poses(0, 10_000)), 'beyond the bound'
     gate.opened.set()
     assert len(read_bag(recorder.close(DEADLINE))) == recorder.messages == count
-    assert custom_data(recorder.path) == {'drops': str(101 - count)}
+    assert custom_data(recorder.path) == {
+        'drops': str(101 - count),
+        'gaps': f'[[0, 99, {101 - count}]]',
+        'drops_by_topic': f'{{"/clock": {100 - count}, "/cube_sim/poses": 1}}',
+    }
 
 
 def test_room_in_the_queue_comes_back(tmp_path, topics, make, monkeypatch):
@@ -90,15 +94,17 @@ def test_room_in_the_queue_comes_back(tmp_path, topics, make, monkeypatch):
     recorder = Recorder(
         tmp_path / 'b', topics, on_error=no_error, queue_bytes=1000, flush_period=0.0
     )
-    flushed = threading.Semaphore(0)
-    flush = BagWriter.flush
-    monkeypatch.setattr(BagWriter, 'flush', lambda bag: (flush(bag), flushed.release()))
+    written = threading.Semaphore(0)
+    write_one = Recorder._write_one
+    monkeypatch.setattr(
+        Recorder, '_write_one', lambda recorder: (write_one(recorder), written.release())
+    )
     data = make.clock(0)
     taken = [recorder.write('/clock', 0, data) for _ in range(10)].count(True)
     assert 0 < taken < 10
     gate.opened.set()
     for _ in range(taken):
-        assert flushed.acquire(timeout=DEADLINE)
+        assert written.acquire(timeout=DEADLINE)
     assert [recorder.write('/clock', 0, data) for _ in range(taken)] == [True] * taken
     recorder.close(DEADLINE)
     assert recorder.messages == 2 * taken
@@ -157,7 +163,7 @@ def test_closing_says_when_the_disk_is_too_slow_and_may_be_tried_again(
     assert read_bag(recorder.close(DEADLINE)) == [('/clock', 1, make.clock(1))]
 
 
-def test_a_failing_disk_is_told_once_and_the_caller_goes_on(
+def test_a_disk_that_stays_full_is_told_once_and_the_caller_goes_on(
     tmp_path, topics, make, read_bag, monkeypatch
 ):
     told: list[str] = []
@@ -176,20 +182,32 @@ def test_a_failing_disk_is_told_once_and_the_caller_goes_on(
             raise OSError(28, 'No space left on device')
         append(file, *parts)
 
-    monkeypatch.setattr(McapFile, '_append', fill_up)  # the head and two chunks fit
-    recorder = Recorder(tmp_path / 'b', topics, on_error=on_error, flush_period=0.0)
-    taken = 0
+    monkeypatch.setattr(McapFile, '_append', fill_up)  # the head and a chunk or two fit
+    recorder = Recorder(
+        tmp_path / 'b', topics, on_error=on_error, flush_period=0.0, queue_bytes=100_000
+    )
+    taken = written = 0
     while not failed.is_set():
-        taken += recorder.write('/clock', taken, make.clock(taken))
-    assert not recorder.write('/clock', taken, make.clock(taken))
+        taken += recorder.write('/clock', written, make.clock(written))
+        written += 1
+    while recorder.write('/clock', written, make.clock(written)):
+        written += 1
+    written += 1
     assert 'No space left on device' in recorder.error
-    total = recorder.messages + recorder.drops
-    assert total > taken
+    assert 50_000 < recorder.waiting_bytes <= 100_000
     path = recorder.close(DEADLINE)
     assert told == [recorder.error]
-    assert recorder.messages + recorder.drops == total
-    assert read_bag(path) == [('/clock', time_ns, make.clock(time_ns)) for time_ns in range(2)]
-    assert custom_data(path) == {'drops': str(recorder.drops), 'error': recorder.error}
+    assert recorder.messages + recorder.drops == written
+    read = read_bag(path)
+    assert read == [('/clock', time_ns, make.clock(time_ns)) for time_ns in range(len(read))]
+    assert 1 <= len(read) == recorder.messages
+    assert custom_data(path) == {
+        'drops': str(recorder.drops),
+        'gaps': f'[[{len(read)}, {written - 1}, {recorder.drops}]]',
+        'drops_by_topic': f'{{"/clock": {recorder.drops}}}',
+        'error': recorder.error,
+    }
+    assert recorder.waiting_bytes == 0
 
 
 def test_a_disk_that_fills_up_while_closing_is_told_too(
