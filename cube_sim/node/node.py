@@ -44,11 +44,14 @@ class SimNode(Node):
 
     def __init__(self, *, on_finished: Callable[[], None] = lambda: None, **options: Any) -> None:
         """Set up and start to run; `on_finished` is called when `duration` is over."""
-        super().__init__('cube_sim', **options)
+        super().__init__(
+            'cube_sim', automatically_declare_parameters_from_overrides=True, **options
+        )
         values = parameters.declare(self)
         self._closing = threading.Lock()
         self._closed = False
         self._bag_directory = values['bag_directory']
+        self._bag_name = values['bag_name']
         self._bag_options: dict[str, Any] = {
             'compression': values['bag_compression'],
             'max_bytes': values['max_bag_size'],
@@ -209,7 +212,7 @@ class SimNode(Node):
         specs = (*topics.PUBLISHED, *topics.SUBSCRIBED)
         names = {spec.name: self.resolve_topic_name(spec.name) for spec in specs}
         recorder = Recorder(
-            new_bag_path(directory, datetime.now()),
+            self._bag_path(directory),
             [spec.recorded(names[spec.name]) for spec in specs],
             on_error=lambda sentence: self.get_logger().error(sentence),
             on_notice=lambda sentence: self.get_logger().warning(sentence),
@@ -226,6 +229,15 @@ class SimNode(Node):
             recorder.close()
             raise
         return recorder.path
+
+    def _bag_path(self, directory: Path) -> Path:
+        """Return where the next bag goes; the given name is that of the first."""
+        name, self._bag_name = self._bag_name, ''
+        if not name:
+            return new_bag_path(directory, datetime.now())
+        if name in ('.', '..') or '/' in name:
+            raise RecordingError(f'bag_name is {name!r}: a name without a slash is needed.')
+        return directory / str(name)
 
     # The camera.
 

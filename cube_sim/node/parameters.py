@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import array
 import dataclasses
+import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -150,6 +151,7 @@ PARAMETERS: dict[str, Parameter] = {
         ),
         Parameter('record', False, 'Record a bag from the start'),
         Parameter('bag_directory', '.', 'Where bags are made; it is created when it is not there'),
+        Parameter('bag_name', '', 'Name of the first bag; empty is one made of date and time'),
         Parameter('record_markers', False, 'Record the markers too', changeable=True),
         Parameter('bag_compression', 'none', f'How bags are compressed: {", ".join(COMPRESSIONS)}'),
         Parameter(
@@ -243,17 +245,17 @@ def _check_alone(parameter: Parameter, value: Any) -> None:
         raise ParameterError(str(error)) from None
 
 
+# What rclpy declares on every node.
+_OF_RCLPY = ('use_sim_time', 'start_type_description_service')
+
+
 def declare(node: rclpy.node.Node) -> dict[str, Any]:
     """
     Declare every parameter on `node`, and return the values.
 
     A value given at the start that cannot be is reported, and the default taken instead.
     """
-    given = {}
-    for name, parameter in PARAMETERS.items():
-        value = _given(node, name)
-        if value is not None:
-            given[name] = parameter.converted(value)
+    given = _given(node)
     values = {name: parameter.default for name, parameter in PARAMETERS.items()}
     # What needs the others comes together: a rate may fit only the step that is given with it.
     for group in (('time_step', 'publish_rate'), *((name,) for name in PARAMETERS)):
@@ -270,12 +272,23 @@ def declare(node: rclpy.node.Node) -> dict[str, Any]:
     return values
 
 
-def _given(node: rclpy.node.Node, name: str) -> Any:
-    """Return the value that the command line or a parameter file gives, whatever its type."""
-    anything = ParameterDescriptor(dynamic_typing=True)
-    value = node.declare_parameter(name, descriptor=anything).value
-    node.undeclare_parameter(name)
-    return value
+def _given(node: rclpy.node.Node) -> dict[str, Any]:
+    """
+    Return the values that command line and parameter files give, whatever their types.
+
+    `node` has declared them all by itself; those of PARAMETERS are undeclared again here, and a
+    name that nothing here goes by is reported.
+    """
+    given = {}
+    for name in node.list_parameters([], 0).names:
+        if name in PARAMETERS:
+            given[name] = PARAMETERS[name].converted(node.get_parameter(name).value)
+            node.undeclare_parameter(name)
+        elif name not in _OF_RCLPY and not name.startswith('qos_overrides.'):
+            near = difflib.get_close_matches(name, PARAMETERS, 1)
+            hint = f' Is {near[0]} meant?' if near else ' `ros2 param list` shows those there are.'
+            node.get_logger().warning(f'No parameter is called {name!r}; it is ignored.{hint}')
+    return given
 
 
 def as_ros(values: dict[str, Any]) -> list[RosParameter]:

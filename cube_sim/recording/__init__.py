@@ -15,6 +15,18 @@ bytes.
     bag           BagWriter: the files of a bag, one after the other
     recorder      Recorder: a BagWriter in a thread, behind a bounded queue
 
+    reader            BagReader: the messages of any bag in order of time, checked
+    recovery          recover: a whole bag out of a damaged or unfinished one
+    bag_directory     what a path is as a bag; its metadata.yaml
+    bag_notes         drops, gaps and quality of service, as a bag notes them
+    mcap_records      the records of a file, read from bytes that may be anything
+    mcap_ends         how a file starts and ends, and its index
+    mcap_source       McapSource: one sound file, chunk by chunk
+    chunk_content     a chunk, decompressed, checked and cut into messages
+    compressed_files  what rosbag2 compressed as a whole
+    merging           chunks whose times overlap, in order, with few in memory
+    salvage           Salvage: what a damaged file still holds
+
 What goes wrong leaves this room as RecordingError, in a sentence for the user. An MCAP file that
 its process could not finish still holds every chunk that was flushed.
 """

@@ -256,7 +256,9 @@ class Simulation:
                 self.place_camera(action.position, action.orientation)
             elif isinstance(action, Set):
                 self.configure(action.values)
-                self._announce(action.values)
+                # As the records hold them: a scenario may say 10.0 where a whole number is meant.
+                now = self.parameters()
+                self._announce({name: now[name] for name in action.values})
             else:
                 self.reset()
         except PhysicsError as error:

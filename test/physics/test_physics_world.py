@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
@@ -154,6 +154,7 @@ COMPONENT = st.floats(-1e99, 1e99) | st.floats(-2.0, 2.0) | st.sampled_from([0.0
 
 
 @given(st.lists(st.lists(COMPONENT, min_size=4, max_size=4), min_size=1, max_size=5))
+@example([[0.0, 0.6, 0.0, 0.8 * (1.0 + 10.0**-k)] for k in range(8, 17)])
 @hypothesis_settings(deadline=None, derandomize=True, max_examples=300)
 def test_normalising_twice_is_normalising_once(rows):
     # To the bit: an orientation from a message is the one that was used. Also of columns that

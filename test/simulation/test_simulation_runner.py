@@ -367,17 +367,17 @@ def test_a_run_that_breaks_leaves_nobody_waiting(made, monkeypatch):
 
 
 def test_the_camera_flies_for_its_time_and_no_longer_also_in_a_pause(clock, made):
-    # 0.5 s at 2 m/s is 1 m, however many frames it was flown in; the sum of their parts rounds.
+    # 0.51 s at 2 m/s are 1.02 m, though a frame lasts 20 ms; the sum of the parts rounds.
     one = made(paused=True)
     one.runner.start()
     arrived = threading.Event()
 
     def watch(topic: str, _: int) -> None:
-        if topic == '~/camera/pose' and abs(one.simulation.camera.position[0] - 1.0) < 1e-9:
+        if topic == '~/camera/pose' and abs(one.simulation.camera.position[0] - 1.02) < 1e-9:
             arrived.set()
 
     one.outlet.on_send = watch
-    one.runner.do(lambda: one.runner.fly([2.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0.5))
+    one.runner.do(lambda: one.runner.fly([2.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0.51))
     assert arrived.wait(20.0)
     sent = len(one.outlet.of('~/camera/pose'))
     assert sent > 10
@@ -388,7 +388,7 @@ def test_the_camera_flies_for_its_time_and_no_longer_also_in_a_pause(clock, made
     one.runner.do(later)
     one.runner.do(lambda: None)
     assert len(one.outlet.of('~/camera/pose')) == sent
-    np.testing.assert_allclose(one.simulation.camera.position, (1, 0, 1.5), atol=1e-12)
+    np.testing.assert_allclose(one.simulation.camera.position, (1.02, 0, 1.5), atol=1e-12)
     assert one.simulation.world.steps == 0
 
 
