@@ -12,6 +12,7 @@ except ImportError:  # setuptools before 70.1, such as Ubuntu 24.04's: colcon bu
 PACKAGE = 'cube_sim'
 
 EXECUTABLES = {
+    'cube_bag': 'cube_sim.bag.main:main',
     'sim_node': 'cube_sim.node.main:main',
 }
 
@@ -80,6 +81,7 @@ setup(
         'zstandard',
     ],
     extras_require={
+        'parquet': ['pyarrow'],
         'plot': ['matplotlib'],
         # colcon test runs pytest because it is named here.
         'test': [

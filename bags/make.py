@@ -29,7 +29,7 @@ BAGS: dict[str, tuple[str, dict[str, str]]] = {
 COMMON = {'real_time_factor': '0.0', 'duration': '4.0', 'bag_compression': 'zstd'}
 
 # How much the killed one has recorded when it is killed, bytes.
-KILLED_AT = 60_000
+KILLED_AT = 100_000
 
 
 def main() -> int:

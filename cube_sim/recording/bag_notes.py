@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from cube_sim.recording.bag_directory import load_yaml
+from cube_sim.recording.drops import Gap
 from cube_sim.recording.mcap_records import DamageError
-
-
-@dataclass(frozen=True)
-class Gap:
-    """A span of log time, ends included, in which the recorder dropped messages."""
-
-    start_ns: int
-    end_ns: int
-    messages: int
-    """How many are missing."""
 
 
 def read_drops(custom_data: Mapping[str, str]) -> int:

@@ -18,9 +18,9 @@ _MOST_GAPS = 100
 class Gap:
     """A span of log time in which messages were dropped; others in it may have been kept."""
 
-    first_ns: int
+    start_ns: int
     """Log time of the earliest message that is missing."""
-    last_ns: int
+    end_ns: int
     """Log time of the latest one."""
     messages: int
     """How many are missing."""
@@ -55,7 +55,7 @@ class DropLog:
             self._counts.update(counts)
             self._total += messages
             last = self._gaps[-1] if self._gaps else None
-            if last and last.first_ns <= first_ns <= last.last_ns + _JOINED_NS:
+            if last and last.start_ns <= first_ns <= last.end_ns + _JOINED_NS:
                 # By far the most frequent case, and it comes between two steps of the simulation.
                 self._gaps[-1] = _union(last, Gap(first_ns, last_ns, messages))
                 return False
@@ -77,7 +77,7 @@ class DropLog:
         with self._lock:
             notes = {'drops': str(self._total)}
             if self._gaps:
-                rows = [[gap.first_ns, gap.last_ns, gap.messages] for gap in self._gaps]
+                rows = [[gap.start_ns, gap.end_ns, gap.messages] for gap in self._gaps]
                 notes['gaps'] = json.dumps(rows)
                 notes['drops_by_topic'] = json.dumps(dict(sorted(self._counts.items())))
         return notes
@@ -86,20 +86,20 @@ class DropLog:
 def _joined(gaps: list[Gap]) -> list[Gap]:
     """Return the gaps in order of time, those that belong together as one."""
     found: list[Gap] = []
-    for gap in sorted(gaps, key=lambda gap: gap.first_ns):
-        if found and gap.first_ns - found[-1].last_ns <= _JOINED_NS:
+    for gap in sorted(gaps, key=lambda gap: gap.start_ns):
+        if found and gap.start_ns - found[-1].end_ns <= _JOINED_NS:
             found[-1] = _union(found[-1], gap)
         else:
             found.append(gap)
     while len(found) > _MOST_GAPS:
-        nearest = min(range(1, len(found)), key=lambda i: found[i].first_ns - found[i - 1].last_ns)
+        nearest = min(range(1, len(found)), key=lambda i: found[i].start_ns - found[i - 1].end_ns)
         found[nearest - 1 : nearest + 1] = [_union(found[nearest - 1], found[nearest])]
     return found
 
 
 def _union(one: Gap, two: Gap) -> Gap:
     return Gap(
-        min(one.first_ns, two.first_ns),
-        max(one.last_ns, two.last_ns),
+        min(one.start_ns, two.start_ns),
+        max(one.end_ns, two.end_ns),
         one.messages + two.messages,
     )

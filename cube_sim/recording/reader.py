@@ -23,7 +23,6 @@ from cube_sim.recording.bag_directory import (
     starts_with,
 )
 from cube_sim.recording.bag_notes import (
-    Gap,
     read_drops,
     read_gaps,
     read_qos,
@@ -31,6 +30,7 @@ from cube_sim.recording.bag_notes import (
     texts,
 )
 from cube_sim.recording.compressed_files import unpack_file, unpack_message
+from cube_sim.recording.drops import Gap
 from cube_sim.recording.errors import RecordingError
 from cube_sim.recording.mcap_records import ChannelRecord, DamageError
 from cube_sim.recording.mcap_source import McapSource, Place

@@ -49,5 +49,5 @@ def test_there_are_never_more_than_a_hundred_gaps_and_none_is_forgotten():
     gaps = log.gaps
     assert len(gaps) == 100
     assert sum(gap.messages for gap in gaps) == log.total == 300
-    assert all(any(gap.first_ns <= time <= gap.last_ns for gap in gaps) for time in times)
+    assert all(any(gap.start_ns <= time <= gap.end_ns for gap in gaps) for time in times)
     assert gaps[-1] == Gap(times[-1], times[-1], 1), 'the nearest ones are joined, not the last'
