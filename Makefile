@@ -3,6 +3,10 @@
 PYTHON ?= python3
 ARGS ?=
 PYTEST_ARGS ?=
+# As many tests at once; 0 runs them in the process of pytest itself.
+PYTEST_WORKERS ?= 2
+# Not empty: make run starts the node alone, without the page in the browser.
+HEADLESS ?=
 LOCK_ARGS ?=
 
 SHELL := /bin/bash
@@ -10,7 +14,7 @@ BIN := .venv/bin
 LOCK := requirements/lock.txt
 
 SOURCES := setup.py package.xml setup.cfg pyproject.toml resource/cube_sim $(sort \
-  $(shell find cube_sim msg_examples rviz -name __pycache__ -prune -o -type f -print 2>/dev/null))
+  $(shell find cube_sim foxglove msg_examples rviz -name __pycache__ -prune -o -type f -print 2>/dev/null))
 
 # The wheels' Python start-up believes to be set up when it finds this.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
@@ -75,16 +79,16 @@ need = @$(1) || { echo "cube_sim: $(2)" >&2; exit 1; }
 # In a terminal, Ctrl-C is for the node alone: it gets a process group of its own, so that make waits
 # for its clean end and ends with the node's exit code. Should make be killed, the node is asked to end.
 run: setup
-	@node=($(BIN)/sim_node --ros-args -p live_line:=true -p record:=true -p bag_directory:=recordings -p scenario:=first_throws $(ARGS)); \
+	@run=($(BIN)/$(if $(HEADLESS),sim_node,cube_sim_game) --ros-args -p live_line:=true -p record:=true -p bag_directory:=recordings -p scenario:=first_throws $(ARGS)); \
 	read -r _ _ _ _ group _ _ foreground _ < /proc/self/stat; \
-	[ "$$group" = "$$foreground" ] || exec "$${node[@]}"; \
-	set -m; $$(command -v setpriv >/dev/null && echo setpriv --pdeathsig TERM) "$${node[@]}"; exit
+	[ "$$group" = "$$foreground" ] || exec "$${run[@]}"; \
+	set -m; $$(command -v setpriv >/dev/null && echo setpriv --pdeathsig TERM) "$${run[@]}"; exit
 
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest $(PYTEST_ARGS)
+	$(BIN)/pytest -n $(PYTEST_WORKERS) $(PYTEST_ARGS)
 
 format: setup
 	$(BIN)/ruff check --fix .
@@ -102,8 +106,9 @@ clean:
 	find cube_sim test -name __pycache__ -prune -exec rm -rf {} +
 
 define HELP
-make run      install what is missing, start the simulation (Ctrl-C ends it)
-              more arguments for the node: make run ARGS='-p physics_model:=impulse'
+make run      install what is missing, start the simulation and its page (Ctrl-C ends both)
+              the node alone: make run HEADLESS=1
+              more arguments for the node: make run ARGS='-p real_time_factor:=0.5'
 make test     install what is missing, run every check and test
               more arguments for pytest: make test PYTEST_ARGS='-k bag -x'
 make setup    install only: .venv/bin then has every executable

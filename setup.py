@@ -13,7 +13,10 @@ PACKAGE = 'cube_sim'
 
 EXECUTABLES = {
     'cube_bag': 'cube_sim.bag.main:main',
+    'cube_sim_game': 'cube_sim.web.game:main',
     'sim_node': 'cube_sim.node.main:main',
+    'teleop_key': 'cube_sim.teleop.main:main',
+    'web_view': 'cube_sim.web.main:main',
 }
 
 # ros2 run looks in lib/cube_sim; pip installs into bin, naming the right interpreter there.
@@ -64,6 +67,7 @@ setup(
         *shared(f'{PACKAGE}/scenarios', '*.yaml'),
         *shared('msg_examples'),
         *shared('rviz'),
+        *shared('foxglove'),
     ],
     # The first two are ROS 2 Jazzy itself, for a machine without ROS. Under colcon, ROS is there
     # already (package.xml) and nothing looks at these names: setuptools' scripts load their
@@ -90,10 +94,13 @@ setup(
             'mypy',
             'pytest',
             'pytest-timeout',
+            'pytest-xdist',
             'rosbags',
             'ruff',
             'types-PyYAML',
         ],
+        # The page in the browser.
+        'web': ['trimesh', 'viser>=1.1', 'websockets'],
     },
     entry_points={
         'console_scripts': [f'{name} = {target}' for name, target in EXECUTABLES.items()],

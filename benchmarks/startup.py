@@ -32,7 +32,7 @@ publisher = node.create_publisher(PoseArray, '/cube_sim/poses', 10)
 node.create_timer(0.02, lambda: publisher.publish(PoseArray()))
 try:
     rclpy.spin(node)
-except rclpy.executors.ExternalShutdownException:
+except Exception:
     pass
 """
 SIM = [
@@ -59,7 +59,8 @@ def main() -> None:
     node.create_subscription(PoseArray, '/cube_sim/poses', lambda _: arrived.set(), 10, raw=True)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    threading.Thread(target=executor.spin, daemon=True).start()
+    spinning = threading.Thread(target=executor.spin)
+    spinning.start()
     commands = {'bare rclpy node': [sys.executable, '-c', BARE], 'sim_node': SIM}
     times: dict[str, list[float]] = {name: [] for name in commands}
     for run in range(runs + 1):
@@ -69,6 +70,8 @@ def main() -> None:
                 times[name].append(taken)
     table(times)
     executor.shutdown()
+    spinning.join()
+    node.destroy_node()
     rclpy.try_shutdown()
 
 

@@ -65,7 +65,7 @@ class Again:
 
     @staticmethod
     def _settings(parameters) -> Settings:
-        member = {3: 'double_value', 4: 'string_value', 8: 'double_array_value'}
+        member = {1: 'bool_value', 3: 'double_value', 4: 'string_value', 8: 'double_array_value'}
         values = {
             item.name: plain(getattr(item.value, member[item.value.type])) for item in parameters
         }

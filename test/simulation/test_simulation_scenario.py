@@ -119,7 +119,8 @@ def test_every_action_does_what_it_says():
     assert [time_ns for time_ns, _ in outlet.of('~/resets')] == [50_000_000, 60_000_000]
     assert len(simulation.world) == 0
     assert announced == [
-        {'physics_model': 'impulse', 'gravity_direction': [0, 3, -4], 'max_cubes': 7}
+        # As it was applied: of unit length.
+        {'physics_model': 'impulse', 'gravity_direction': (0.0, 0.6, -0.8), 'max_cubes': 7}
     ]
     assert reports == []
 
