@@ -21,6 +21,7 @@ HERE = Path(__file__).parent
 BAGS: dict[str, tuple[str, dict[str, str]]] = {
     'simple': ('throws.yaml', {'physics_model': 'simple'}),
     'impulse': ('throws.yaml', {'physics_model': 'impulse'}),
+    'contact': ('throws.yaml', {'physics_model': 'contact'}),
     'switch': ('switch.yaml', {}),
     'reset': ('reset.yaml', {'physics_model': 'impulse', 'record_markers': 'true'}),
     'killed': ('throws.yaml', {'physics_model': 'impulse', 'real_time_factor': '1.0'}),

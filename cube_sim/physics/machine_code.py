@@ -1,5 +1,5 @@
 """
-The step as machine code, kept on disk.
+Steps as machine code, kept on disk: one file for each function that Python calls.
 
 numba compiles it once for a machine and a state of the sources, in a process of its own. What is
 kept is the object code alone, and LLVM loads it without numba: that takes a tenth of the time
@@ -11,95 +11,105 @@ from __future__ import annotations
 import ctypes
 import functools
 import hashlib
+import importlib
 import os
 import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import llvmlite
 import llvmlite.binding as llvm
-import numpy as np
-from numpy.typing import NDArray
 
 from cube_sim.physics.compiled import COMPILING
-from cube_sim.physics.constants import Constants
 from cube_sim.physics.refusal import PhysicsError
-from cube_sim.physics.step import BLOCK, SCRATCH_ROWS
-
-Floats = NDArray[np.float64]
-
-_SYMBOL = 'cube_sim_advance'
-_NUMBA_SYMBOL = 'cube_sim_advance_numba'
 
 
-class _Call(ctypes.Structure):
-    """A call in memory: where numba's function puts things, then its arguments in order."""
+@dataclass(frozen=True)
+class Entry:
+    """
+    A function that Python calls as machine code.
 
-    _fields_ = (
-        ('contacts', ctypes.c_int64),
-        ('exception', ctypes.c_void_p),
-        ('state', ctypes.c_void_p),
-        ('capacity', ctypes.c_int64),
-        ('first', ctypes.c_int64),
-        ('last', ctypes.c_int64),
-        ('steps', ctypes.c_int64),
-        ('model', ctypes.c_int64),
-        ('numbers', ctypes.c_void_p),
-        ('scratch', ctypes.c_void_p),
-    )
+    `make`, 'module:function', is called while compiling with numba's `types` and `carray`, and
+    returns the signature and the Python function. Of its arguments, `addresses` come first and
+    are arrays that the caller owns, then `numbers`, whole ones; it returns one. `name` begins
+    the name of the file that holds it as `symbol`.
+    """
 
+    name: str
+    symbol: str
+    make: str
+    addresses: tuple[str, ...]
+    numbers: tuple[str, ...]
+
+
+STEP = Entry(
+    'step',
+    'cube_sim_advance',
+    'cube_sim.physics.step:entry',
+    ('state', 'numbers', 'scratch'),
+    ('capacity', 'first', 'last', 'steps', 'model'),
+)
+CONTACT = Entry(
+    'contact',
+    'cube_sim_contact',
+    'cube_sim.physics.contact.advance:entry',
+    ('state', 'numbers', 'counters', 'cubes', 'marks', 'pairs', 'ends', 'sites', 'scratch'),
+    ('capacity', 'pair_capacity', 'site_capacity', 'count', 'steps'),
+)
+ENTRIES = {entry.name: entry for entry in (STEP, CONTACT)}
+
+# Where numba's function puts its result and its error come first in a call.
+_OUTPUTS = ('result', 'exception')
 
 # What keeps the loaded code in memory.
 _engines: list[Any] = []
 
 
-class CompiledStep:
-    """The compiled `step.advance`, with the memory that one thread needs to call it."""
+class MachineCode:
+    """An entry of machine code with the memory that one thread needs to call it."""
 
-    def __init__(self) -> None:
+    def __init__(self, entry: Entry) -> None:
         """Load it, compiling it first when it is not there; PhysicsError when that fails."""
-        self._function = _load()
-        self._scratch = np.empty((SCRATCH_ROWS, BLOCK))
-        self._call = _Call(scratch=self._scratch.ctypes.data)
+        self._function = _load(entry)
+        self._names = (*_OUTPUTS, *entry.addresses, *entry.numbers)
+        # A call in memory: every address and number takes eight bytes.
+        self._call = (ctypes.c_int64 * len(self._names))()
         self._address = ctypes.addressof(self._call)
+        self._place = {name: index for index, name in enumerate(self._names)}
 
-    def use(self, state: Floats, model: int, numbers: Floats) -> None:
-        """Work on `state` (13, capacity) from now on; all three are those of `step.advance`."""
-        self._memory = state, numbers
-        call = self._call
-        call.state, call.capacity = state.ctypes.data, state.shape[1]
-        call.model, call.numbers = model, numbers.ctypes.data
+    def set(self, **arguments: int) -> None:
+        """Put addresses and numbers where the next calls find them."""
+        for name, value in arguments.items():
+            self._call[self._place[name]] = value
 
-    def advance(self, first: int, last: int, steps: int) -> int:
-        """Advance the cubes first to last - 1, without the GIL; return their contacts."""
-        call = self._call
-        call.first, call.last, call.steps = first, last, steps
+    def __call__(self) -> int:
+        """Call it, without the GIL, and return its result."""
         self._function(self._address)
-        contacts: int = call.contacts
-        return contacts
+        return self._call[0]
 
 
-@functools.lru_cache(maxsize=1)
-def _load() -> Callable[..., int]:
-    path = _object_file()
+@functools.cache
+def _load(entry: Entry) -> Callable[..., int]:
+    path = _object_file(entry)
     if not path.exists():
-        _compile_elsewhere(path)
+        _compile_elsewhere(entry, path)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(''), _target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(path.read_bytes()))
     engine.finalize_object()
     _engines.append(engine)
-    # numba's status, 0 as nothing here raises; the address of a _Call.
+    # numba's status, 0 as nothing here raises; the address of a call.
     prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)
-    return prototype(engine.get_function_address(_SYMBOL))
+    return prototype(engine.get_function_address(entry.symbol))
 
 
-def compile_to(path: Path) -> None:
-    """Compile the step with numba and write its object code; for the compiling process."""
-    module = llvm.parse_assembly(intermediate_code())
+def compile_to(path: Path, entry: Entry = STEP) -> None:
+    """Compile `entry` with numba and write its object code; for the compiling process."""
+    module = llvm.parse_assembly(intermediate_code(entry))
     content = _target_machine().emit_object(module)
     path.parent.mkdir(parents=True, exist_ok=True)
     # Two processes may do this at once: the name appears with the whole content or not at all.
@@ -108,41 +118,26 @@ def compile_to(path: Path) -> None:
     Path(file.name).replace(path)
 
 
-def assembly() -> str:
-    """Return the step in the assembly language of this machine; for the compiling process."""
-    return str(_target_machine().emit_assembly(llvm.parse_assembly(intermediate_code())))
+def assembly(entry: Entry = STEP) -> str:
+    """Return `entry` in the assembly language of this machine; for the compiling process."""
+    return str(_target_machine().emit_assembly(llvm.parse_assembly(intermediate_code(entry))))
 
 
-def intermediate_code() -> str:
+def intermediate_code(entry: Entry = STEP) -> str:
     """
-    Return the step as LLVM's intermediate code, optimised; for the compiling process.
+    Return `entry` as LLVM's intermediate code, optimised; for the compiling process.
 
     It stands alone: everything that it calls is in it. PhysicsError when it is not so.
     """
     from numba import carray, cfunc, types
 
-    from cube_sim.physics import step
-
-    floats, integer = types.CPointer(types.float64), types.int64
-    rows, scratch_shape = step.ROWS, (step.SCRATCH_ROWS, step.BLOCK)
-    numbers_count = len(Constants._fields)
-
-    @cfunc(integer(floats, integer, integer, integer, integer, integer, floats, floats))
-    def entry(  # type: ignore[no-untyped-def]
-        state, capacity, first, last, steps, model, numbers, scratch
-    ):
-        return step.advance(
-            carray(state, (rows, capacity)),
-            first,
-            last,
-            steps,
-            model,
-            carray(numbers, numbers_count),
-            carray(scratch, scratch_shape),
-        )
+    module_name, _, maker = entry.make.partition(':')
+    signature, function = getattr(importlib.import_module(module_name), maker)(types, carray)
+    compiled = cfunc(signature)(function)
+    inner = f'{entry.symbol}_numba'
 
     # Inside numba's C function, which would report errors through numba, is the bare one.
-    code = entry.inspect_llvm().replace(entry.native_name.removeprefix('cfunc.'), _NUMBA_SYMBOL)
+    code = compiled.inspect_llvm().replace(compiled.native_name.removeprefix('cfunc.'), inner)
     # The C library's root is as exact as the processor's, but it is a call.
     code = code.replace('@sqrt(', '@llvm.sqrt.f64(')
     # All memory is the caller's, none is numba's: there is never any to give back.
@@ -152,9 +147,9 @@ def intermediate_code() -> str:
     }
     for name in own:
         code = re.sub(rf'^declare {re.escape(name)}\b.*\n', '', code, flags=re.MULTILINE)
-    module = llvm.parse_assembly('\n'.join((code, *own.values(), _entry_code(), '')))
+    module = llvm.parse_assembly('\n'.join((code, *own.values(), _entry_code(entry, inner), '')))
     for function in module.functions:
-        if not function.is_declaration and function.name != _SYMBOL:
+        if not function.is_declaration and function.name != entry.symbol:
             function.linkage = 'internal'
     passes = llvm.create_new_module_pass_manager()
     passes.add_global_dead_code_eliminate_pass()
@@ -170,32 +165,30 @@ def intermediate_code() -> str:
     return str(module)
 
 
-def _entry_code() -> str:
+def _entry_code(entry: Entry, inner: str) -> str:
     """
-    Return a function that takes the address of a _Call and makes it.
+    Return a function that takes the address of a call's numbers and makes it.
 
     With one argument a call from Python costs a third of what it does with ten.
     """
-    size = ctypes.sizeof(ctypes.c_int64)
-    lines = [f'define i32 @{_SYMBOL}(ptr %call) {{']
+    lines = [f'define i32 @{entry.symbol}(ptr %call) {{']
     arguments = []
-    for name, kind in _Call._fields_:
-        place = getattr(_Call, name).offset // size
+    for place, name in enumerate((*_OUTPUTS, *entry.addresses, *entry.numbers)):
         lines.append(f'  %at.{name} = getelementptr i64, ptr %call, i64 {place}')
-        if name in ('contacts', 'exception'):
+        if name in _OUTPUTS:
             arguments.append(f'ptr %at.{name}')
         else:
-            llvm_type = 'ptr' if kind is ctypes.c_void_p else 'i64'
+            llvm_type = 'ptr' if name in entry.addresses else 'i64'
             lines.append(f'  %{name} = load {llvm_type}, ptr %at.{name}')
             arguments.append(f'{llvm_type} %{name}')
-    lines.append(f'  %status = call i32 @{_NUMBA_SYMBOL}({", ".join(arguments)})')
+    lines.append(f'  %status = call i32 @{inner}({", ".join(arguments)})')
     return '\n'.join([*lines, '  ret i32 %status', '}'])
 
 
-def _compile_elsewhere(path: Path) -> None:
+def _compile_elsewhere(entry: Entry, path: Path) -> None:
     sys.stderr.write('cube_sim: compiling the physics for this machine, once ...\n')
     done = subprocess.run(
-        [sys.executable, '-m', 'cube_sim.physics.machine_code', str(path)],
+        [sys.executable, '-m', 'cube_sim.physics.machine_code', entry.name, str(path)],
         env={**os.environ, COMPILING: '1', 'PYTHONPATH': os.pathsep.join(sys.path)},
         stdin=subprocess.DEVNULL,
         capture_output=True,
@@ -218,7 +211,7 @@ def _target_machine() -> Any:
     )
 
 
-def _object_file() -> Path:
+def _object_file(entry: Entry = STEP) -> Path:
     """Return where the code is kept: one file for each machine and state of the sources."""
     room = Path(__file__).parent
     digest = hashlib.sha256()
@@ -231,7 +224,7 @@ def _object_file() -> Path:
         llvm.get_host_cpu_features().flatten(),
     ):
         digest.update(part.encode())
-    return _directory(room) / f'step-{digest.hexdigest()[:24]}.o'
+    return _directory(room) / f'{entry.name}-{digest.hexdigest()[:24]}.o'
 
 
 def _directory(room: Path) -> Path:
@@ -242,4 +235,4 @@ def _directory(room: Path) -> Path:
 
 
 if __name__ == '__main__':
-    compile_to(Path(sys.argv[1]))
+    compile_to(Path(sys.argv[2]), ENTRIES[sys.argv[1]])

@@ -33,6 +33,12 @@ def quantity(default: Any, unit: str, low: float, high: float, effect: str) -> A
     )
 
 
+def switch(default: bool, effect: str) -> Any:
+    """Declare a field that is true or false, with a Quantity that has no range."""
+    none: Any = None
+    return quantity(default, '', none, none, effect)
+
+
 @dataclass(frozen=True)
 class Settings:
     """
@@ -47,7 +53,7 @@ class Settings:
         0.5, '', 0.0, 1.0, 'Share of the normal speed that a bounce gives back; 1 loses nothing'
     )
     friction: float = quantity(
-        0.5, '', 0.0, 10.0, 'Coulomb coefficient of the model impulse; 0 lets cubes slide for ever'
+        0.5, '', 0.0, 10.0, 'Friction coefficient of impulse and contact; 0: cubes slide for ever'
     )
     tangential_factor: float = quantity(
         0.9, '', 0.0, 1.0, 'Share of the sliding velocity that a bounce of the model simple keeps'
@@ -65,13 +71,23 @@ class Settings:
         2_000_000, 'ns', 1_000, 100_000_000, 'Length of one step; the error of a path grows with it'
     )
 
+    collide_cubes: bool = switch(True, 'Whether cubes of the model contact meet each other')
+    restitution_threshold: float = quantity(
+        0.02, 'm/s', 0.0, 10.0, 'Impacts of the model contact slower than this do not bounce'
+    )
+    sleep: bool = switch(True, 'Whether the model contact stops computing cubes that lie still')
+
     def __post_init__(self) -> None:
         """Check every value; PhysicsError says which is wrong and what would be right."""
         model_named(self.model)
         for field in dataclasses.fields(self):
             declared = field.metadata.get('quantity')
-            if declared and field.name not in ('gravity_direction', 'time_step_ns'):
-                number = checked_number(field.name, getattr(self, field.name), declared)
+            value = getattr(self, field.name)
+            if declared and isinstance(field.default, bool):
+                if not isinstance(value, bool):
+                    raise PhysicsError(f'{field.name} is {value!r}: true or false is needed.')
+            elif declared and field.name not in ('gravity_direction', 'time_step_ns'):
+                number = checked_number(field.name, value, declared)
                 object.__setattr__(self, field.name, number)
         if type(self.time_step_ns) is not int:
             raise PhysicsError(

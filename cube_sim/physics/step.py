@@ -10,6 +10,7 @@ touch each other, so neither the batching nor the order of the blocks can change
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,3 +133,25 @@ def respond(
     if model == simple.CODE:
         return simple.respond(constants, rx, ry, rz, vx, vy, vz, wx, wy, wz)
     return impulse.respond(constants, rx, ry, rz, vx, vy, vz, wx, wy, wz)
+
+
+def entry(types: Any, carray: Any) -> tuple[Any, Any]:
+    """Return the signature and the function by which machine code is called (machine_code.STEP)."""
+    floats, integer = types.CPointer(types.float64), types.int64
+    scratch_shape = (SCRATCH_ROWS, BLOCK)
+    rows, numbers_count = ROWS, len(Constants._fields)
+
+    def call(  # type: ignore[no-untyped-def]
+        state, numbers, scratch, capacity, first, last, steps, model
+    ):
+        return advance(
+            carray(state, (rows, capacity)),
+            first,
+            last,
+            steps,
+            model,
+            carray(numbers, numbers_count),
+            carray(scratch, scratch_shape),
+        )
+
+    return integer(floats, floats, floats, integer, integer, integer, integer, integer), call

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cube_sim.physics import step as layout
-from cube_sim.physics.machine_code import CompiledStep
+from cube_sim.physics.engine import ContactPoints, Engine
 from cube_sim.physics.models import model_named
 from cube_sim.physics.refusal import PhysicsError
 from cube_sim.physics.settings import Settings
@@ -37,15 +36,15 @@ class World:
         """Make an empty world at time 0; `threads` compute together once there are many cubes."""
         if type(threads) is not int or threads < 1:
             raise PhysicsError(f'threads is {threads!r}: a whole number from 1 on is needed.')
-        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
-        self._compiled = [CompiledStep() for _ in range(threads)]
+        self._threads = threads
         self._count = 0
         self._steps = 0
         self._contacts = 0
         self._state = np.zeros((layout.ROWS, 16))
         self._poses = _Interleaved(layout.PX, 7)
         self._velocities = _Interleaved(layout.VX, 6)
-        self._adopt(settings if settings is not None else Settings())
+        settings = settings if settings is not None else Settings()
+        self._adopt(settings, self._engine_for(settings))
 
     def __len__(self) -> int:
         """Return the number of cubes."""
@@ -70,6 +69,21 @@ class World:
     def contacts(self) -> int:
         """How often a cube has touched the plane so far, counted once for each step."""
         return self._contacts
+
+    @property
+    def awake(self) -> int:
+        """The number of cubes that are not asleep; all, in a model that knows no sleep."""
+        return self._engine.awake(self._count)
+
+    @property
+    def contact_points(self) -> ContactPoints:
+        """Where cubes touched in the last step; none in a model that keeps no contacts."""
+        return self._engine.contact_points(self._count)
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """What the last step of the model took, by name; nothing where it does not vary."""
+        return self._engine.counters()
 
     @property
     def poses(self) -> Floats:
@@ -116,6 +130,7 @@ class World:
             self._state[row : row + column.shape[1], first : first + added] = column.T
             row += column.shape[1]
         self._count += added
+        self._engine.added(first, self._count)
         self._changed()
         return first
 
@@ -125,7 +140,7 @@ class World:
             raise PhysicsError(f'steps is {steps!r}: a whole number from 0 on is needed.')
         steps = int(steps)
         if self._count:
-            self._contacts += self._advance(steps)
+            self._contacts += self._engine.advance(self._count, steps)
             self._changed()
         self._steps += steps
 
@@ -139,11 +154,16 @@ class World:
         settings = self._settings.changed(**changes)
         if settings.time_step_ns != self._settings.time_step_ns:
             raise PhysicsError('time_step_ns is fixed for a run: make another World to change it.')
-        self._adopt(settings)
+        if settings == self._settings:
+            return
+        same_model = settings.model == self._settings.model
+        # A model that cannot be made ready (PhysicsError) leaves the world as it is.
+        self._adopt(settings, self._engine if same_model else self._engine_for(settings))
 
     def reset(self) -> None:
         """Remove every cube; time goes on."""
         self._count = 0
+        self._engine.cleared()
         self._changed()
 
     def digest(self) -> str:
@@ -152,35 +172,22 @@ class World:
         content.update(np.ascontiguousarray(self._state[:, : self._count]).tobytes())
         return content.hexdigest()
 
-    def _adopt(self, settings: Settings) -> None:
+    def _adopt(self, settings: Settings, engine: Engine) -> None:
         self._settings = settings
-        self._use()
+        self._engine = engine
+        engine.use(self._state, settings)
 
-    def _advance(self, steps: int) -> int:
-        if self._pool is None or self._count <= layout.BLOCK:
-            return self._compiled[0].advance(0, self._count, steps)
-        blocks = -(-self._count // layout.BLOCK)
-        shares = min(len(self._compiled), blocks)
-        bounds = [layout.BLOCK * (blocks * i // shares) for i in range(shares)] + [self._count]
-        others = [
-            self._pool.submit(self._compiled[i].advance, bounds[i], bounds[i + 1], steps)
-            for i in range(1, shares)
-        ]
-        contacts = self._compiled[0].advance(bounds[0], bounds[1], steps)
-        return contacts + sum(other.result() for other in others)
+    def _engine_for(self, settings: Settings) -> Engine:
+        engine = model_named(settings.model).engine(self._threads)
+        engine.added(0, self._count)
+        return engine
 
     def _reserve(self, count: int) -> None:
         if count > self._state.shape[1]:
             state = np.zeros((layout.ROWS, max(count, 2 * self._state.shape[1])))
             state[:, : self._count] = self._state[:, : self._count]
             self._state = state
-            self._use()
-
-    def _use(self) -> None:
-        model = model_named(self._settings.model).code
-        numbers = np.array(self._settings.constants())
-        for compiled in self._compiled:
-            compiled.use(self._state, model, numbers)
+            self._engine.use(state, self._settings)
 
     def _changed(self) -> None:
         self._poses.stale = True

@@ -49,7 +49,7 @@ def rewritten(source, target, change, *, dropped=None):
     return target
 
 
-@pytest.mark.parametrize('name', ['simple', 'impulse', 'switch', 'reset'])
+@pytest.mark.parametrize('name', ['simple', 'impulse', 'contact', 'switch', 'reset'])
 def test_a_bag_of_this_project_is_what_the_code_of_today_computes(capsys, name):
     code, out, _ = run(capsys, 'verify', BAGS / name)
     assert (code, out.strip()) == (DONE, 'verified: 200 messages, 0 differing bits')

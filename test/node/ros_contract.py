@@ -83,6 +83,9 @@ PHYSICS = (
     'gravity_direction',
     'cube_size',
     'time_step',
+    'collide_cubes',
+    'restitution_threshold',
+    'sleep',
 )
 
 DEFAULTS = {
@@ -93,6 +96,9 @@ DEFAULTS = {
     'gravity': 9.81,
     'gravity_direction': [0.0, 0.0, -1.0],
     'cube_size': 0.5,
+    'collide_cubes': True,
+    'restitution_threshold': 0.02,
+    'sleep': True,
     'throw_speed': 8.0,
     'throw_spin': [1.0, 2.0, 3.0],
     'max_cubes': 1000,

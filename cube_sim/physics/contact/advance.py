@@ -1,0 +1,230 @@
+"""The step of the model, for all cubes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cube_sim.physics.compiled import compiled
+from cube_sim.physics.contact import layout
+from cube_sim.physics.contact.alone import AT_REST as CAME_TO_REST
+from cube_sim.physics.contact.alone import NOTHING, step_alone
+from cube_sim.physics.contact.collision import closing, collide, prepare
+from cube_sim.physics.contact.layout import (
+    ACTIVES,
+    ASLEEP,
+    AT_REST,
+    CONTACTS,
+    GROUPED,
+    LIST_A,
+    LIST_B,
+    PAIRS,
+    PARTS,
+    SOLVED,
+    WHICH,
+)
+from cube_sim.physics.contact.neighbours import DIAGONAL, find_neighbours, list_holds
+from cube_sim.physics.contact.rules import Rules
+from cube_sim.physics.contact.sleep import put_to_sleep
+from cube_sim.physics.contact.substeps import step_in_common
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# The longest sub-step of a solution in common, s; with 4 ms a stack of ten does not stand.
+SUBSTEP, MOST_SUBSTEPS = 1.05e-3, 64
+# A step has more parts where a pair would come nearer than a share of a side in one.
+NEARER = 0.25
+MOST_PARTS = 256
+CUBE = 8  # row of the scratch: the state of one cube
+MEMORY = 63  # row of the scratch: the length of the last sub-step
+
+
+@compiled
+def parts_of_step(
+    state: Floats,
+    marks: Integers,
+    ends: Integers,
+    counters: Integers,
+    rules: Rules,
+) -> int:
+    """Return into how many parts the step is cut, so that no cube jumps through another."""
+    near_list = LIST_A if counters[WHICH] == 0 else LIST_B
+    side = 2.0 * rules.half_side
+    most = 1
+    for n in range(counters[PAIRS]):
+        a, b = ends[n, near_list], ends[n, near_list + 1]
+        if marks[a, ASLEEP] and marks[b, ASLEEP]:
+            continue
+        nearer = closing(state, a, b, rules.half_side) * rules.time_step
+        if nearer > NEARER * side:
+            x = state[0, b] - state[0, a]
+            y = state[1, b] - state[1, a]
+            z = state[2, b] - state[2, a]
+            reach = DIAGONAL * side + nearer
+            if (x * x + y * y) + z * z <= reach * reach:
+                most = max(most, min(int(nearer / (NEARER * side)) + 1, MOST_PARTS))
+    return most
+
+
+@compiled
+def advance(
+    state: Floats,
+    numbers: Floats,
+    counters: Integers,
+    cubes: Floats,
+    marks: Integers,
+    pairs: Floats,
+    ends: Integers,
+    sites: Integers,
+    scratch: Floats,
+    pair_capacity: int,
+    count: int,
+    steps: int,
+) -> int:
+    """
+    Advance `count` cubes by up to `steps` steps; return how many were done.
+
+    Fewer when `pair_capacity` rows of `pairs` are too few for the next step, which then has not
+    begun. The arrays are those of `layout`.
+    """
+    whole = Rules(
+        numbers[0],
+        numbers[1],
+        numbers[2],
+        numbers[3],
+        numbers[4],
+        numbers[5],
+        numbers[6],
+        numbers[7],
+        numbers[8],
+        numbers[9],
+        numbers[10],
+        numbers[11],
+    )
+    ground = len(marks) - 1
+    cube = scratch[CUBE]
+    for done in range(steps):
+        parts = 1
+        if whole.collide > 0.0:
+            if not list_holds(state, cubes, marks, counters, whole, count) and not find_neighbours(
+                state, cubes, marks, ends, sites, counters, whole, count, pair_capacity
+            ):
+                return done
+            parts = parts_of_step(state, marks, ends, counters, whole)
+        counters[PARTS] = parts
+        counters[SOLVED] = 0
+        rules = Rules(
+            whole.time_step / parts,
+            whole.gx,
+            whole.gy,
+            whole.gz,
+            whole.gravity,
+            whole.half_side,
+            whole.inverse_inertia,
+            whole.restitution,
+            whole.friction,
+            whole.threshold,
+            whole.collide,
+            whole.sleep,
+        )
+        for part in range(parts):
+            if whole.collide > 0.0:
+                # Within the step impacts may have sped cubes up. Should there be no room for
+                # more neighbours now, the list of before serves to the end of the step.
+                if part > 0 and not list_holds(state, cubes, marks, counters, rules, count):
+                    find_neighbours(
+                        state, cubes, marks, ends, sites, counters, rules, count, pair_capacity
+                    )
+                collide(state, cubes, marks, pairs, ends, counters, scratch, rules, count)
+                if counters[ACTIVES] > 0:
+                    substeps = min(int(rules.time_step / SUBSTEP) + 1, MOST_SUBSTEPS)
+                    time = rules.time_step / substeps
+                    prepare(
+                        state,
+                        cubes,
+                        marks,
+                        pairs,
+                        ends,
+                        counters,
+                        scratch,
+                        rules,
+                        count,
+                        pair_capacity,
+                        ground,
+                        time,
+                        scratch[MEMORY, 0],
+                    )
+                    scratch[MEMORY, 0] = time
+                    step_in_common(
+                        state, cubes, marks, pairs, ends, counters, rules, count, substeps, ground
+                    )
+            for i in range(count):
+                if (
+                    marks[i, ASLEEP]
+                    or marks[i, AT_REST]
+                    or (whole.collide > 0.0 and marks[i, GROUPED])
+                ):
+                    continue
+                for n in range(13):
+                    cube[n] = state[n, i]
+                result = step_alone(cube, cubes[i], rules, scratch)
+                for n in range(13):
+                    state[n, i] = cube[n]
+                marks[i, AT_REST] = 1 if result == CAME_TO_REST else 0
+                counters[CONTACTS] += result != NOTHING
+        # For each pair that touches, and each cube that rests.
+        counters[CONTACTS] += counters[ACTIVES]
+        for i in range(count):
+            if marks[i, ASLEEP] or marks[i, AT_REST]:
+                counters[CONTACTS] += 1
+        if whole.sleep > 0.0:
+            put_to_sleep(state, cubes, marks, pairs, ends, counters, whole, count, ground)
+    return steps
+
+
+def entry(types: Any, carray: Any) -> tuple[Any, Any]:
+    """Return the signature and the function of the machine code (machine_code.CONTACT)."""
+    floats, integers = types.CPointer(types.float64), types.CPointer(types.int64)
+    integer = types.int64
+    numbers_count = len(Rules._fields)
+    rows, cube_columns, mark_columns = 13, layout.CUBE_COLUMNS, layout.MARK_COLUMNS
+    pair_columns, end_columns = layout.PAIR_COLUMNS, layout.END_COLUMNS
+    counters_count = layout.COUNTERS
+    scratch_shape = (layout.SCRATCH_ROWS, layout.SCRATCH_COLUMNS)
+
+    def call(  # type: ignore[no-untyped-def]
+        state,
+        numbers,
+        counters,
+        cubes,
+        marks,
+        pairs,
+        ends,
+        sites,
+        scratch,
+        capacity,
+        pair_capacity,
+        site_capacity,
+        count,
+        steps,
+    ):
+        return advance(
+            carray(state, (rows, capacity)),
+            carray(numbers, numbers_count),
+            carray(counters, counters_count),
+            carray(cubes, (capacity + 1, cube_columns)),
+            carray(marks, (capacity + 1, mark_columns)),
+            carray(pairs, (pair_capacity + capacity, pair_columns)),
+            carray(ends, (pair_capacity + capacity, end_columns)),
+            carray(sites, site_capacity),
+            carray(scratch, scratch_shape),
+            pair_capacity,
+            count,
+            steps,
+        )
+
+    arrays = (floats, floats, integers, floats, integers, floats, integers, integers, floats)
+    return integer(*arrays, *[integer] * 5), call
