@@ -26,7 +26,9 @@ class Draw:
         """A unit quaternion, x y z w, from the ball."""
         while True:
             q = self.vector(-1.0, 1.0, 4)
-            length = math.sqrt(sum(x * x for x in q))
+            # Not by sum(), which rounds otherwise from Python 3.12 on.
+            x, y, z, w = q
+            length = math.sqrt(((x * x + y * y) + z * z) + w * w)
             if 0.1 < length <= 1.0:
                 return [x / length for x in q]
 
