@@ -58,8 +58,11 @@ CONTACT = Entry(
     'contact',
     'cube_sim_contact',
     'cube_sim.physics.contact.advance:entry',
-    ('state', 'numbers', 'counters', 'cubes', 'marks', 'pairs', 'ends', 'sites', 'scratch'),
-    ('capacity', 'pair_capacity', 'site_capacity', 'count', 'steps'),
+    (
+        *('state', 'numbers', 'counters', 'cubes', 'marks', 'pairs', 'ends'),
+        *('bodies', 'blocks', 'lanes', 'work', 'sites', 'scratch'),
+    ),
+    ('capacity', 'pair_capacity', 'block_capacity', 'site_capacity', 'count', 'steps'),
 )
 ENTRIES = {entry.name: entry for entry in (STEP, CONTACT)}
 
@@ -107,6 +110,21 @@ def _load(entry: Entry) -> Callable[..., int]:
     return prototype(engine.get_function_address(entry.symbol))
 
 
+@functools.cache
+def _allow_long_loops() -> None:
+    """
+    Let LLVM make vectors of loops over the lanes of a block.
+
+    They are short and touch many columns, more than it checks for overlap by default.
+    """
+    for option in (
+        '-vectorizer-min-trip-count=4',
+        '-memory-check-merge-threshold=4000',
+        '-runtime-memory-check-threshold=64',
+    ):
+        llvm.set_option('cube_sim', option)
+
+
 def compile_to(path: Path, entry: Entry = STEP) -> None:
     """Compile `entry` with numba and write its object code; for the compiling process."""
     module = llvm.parse_assembly(intermediate_code(entry))
@@ -131,6 +149,7 @@ def intermediate_code(entry: Entry = STEP) -> str:
     """
     from numba import carray, cfunc, types
 
+    _allow_long_loops()
     module_name, _, maker = entry.make.partition(':')
     signature, function = getattr(importlib.import_module(module_name), maker)(types, carray)
     compiled = cfunc(signature)(function)

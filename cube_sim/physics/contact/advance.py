@@ -11,20 +11,30 @@ from cube_sim.physics.compiled import compiled
 from cube_sim.physics.contact import layout
 from cube_sim.physics.contact.alone import AT_REST as CAME_TO_REST
 from cube_sim.physics.contact.alone import NOTHING, step_alone
-from cube_sim.physics.contact.collision import closing, collide, prepare
+from cube_sim.physics.contact.collision import (
+    collide,
+    collide_with_ground,
+    forget_plane,
+)
 from cube_sim.physics.contact.layout import (
     ACTIVES,
     ASLEEP,
     AT_REST,
+    BLOCKS,
     CONTACTS,
     GROUPED,
+    IMPACTS,
     LIST_A,
     LIST_B,
+    ON_PLANE,
     PAIRS,
     PARTS,
-    SOLVED,
+    RIM,
+    SPEED,
+    SWEEPS,
     WHICH,
 )
+from cube_sim.physics.contact.motion import closing, note_motion
 from cube_sim.physics.contact.neighbours import DIAGONAL, find_neighbours, list_holds
 from cube_sim.physics.contact.rules import Rules
 from cube_sim.physics.contact.sleep import put_to_sleep
@@ -45,6 +55,7 @@ MEMORY = 63  # row of the scratch: the length of the last sub-step
 @compiled
 def parts_of_step(
     state: Floats,
+    cubes: Floats,
     marks: Integers,
     ends: Integers,
     counters: Integers,
@@ -58,7 +69,10 @@ def parts_of_step(
         a, b = ends[n, near_list], ends[n, near_list + 1]
         if marks[a, ASLEEP] and marks[b, ASLEEP]:
             continue
-        nearer = closing(state, a, b, rules.half_side) * rules.time_step
+        fastest = (cubes[a, SPEED] + cubes[a, RIM]) + (cubes[b, SPEED] + cubes[b, RIM])
+        if fastest * rules.time_step <= NEARER * side:
+            continue
+        nearer = closing(cubes, a, b) * rules.time_step
         if nearer > NEARER * side:
             x = state[0, b] - state[0, a]
             y = state[1, b] - state[1, a]
@@ -78,6 +92,10 @@ def advance(
     marks: Integers,
     pairs: Floats,
     ends: Integers,
+    bodies: Floats,
+    blocks: Floats,
+    lanes: Integers,
+    work: Floats,
     sites: Integers,
     scratch: Floats,
     pair_capacity: int,
@@ -113,9 +131,12 @@ def advance(
                 state, cubes, marks, ends, sites, counters, whole, count, pair_capacity
             ):
                 return done
-            parts = parts_of_step(state, marks, ends, counters, whole)
+            note_motion(state, cubes, marks, whole.half_side, count)
+            parts = parts_of_step(state, cubes, marks, ends, counters, whole)
         counters[PARTS] = parts
-        counters[SOLVED] = 0
+        counters[SWEEPS] = 0
+        counters[IMPACTS] = 0
+        counters[ACTIVES] = 0
         rules = Rules(
             whole.time_step / parts,
             whole.gx,
@@ -131,6 +152,7 @@ def advance(
             whole.sleep,
         )
         for part in range(parts):
+            counters[BLOCKS] = 0
             if whole.collide > 0.0:
                 # Within the step impacts may have sped cubes up. Should there be no room for
                 # more neighbours now, the list of before serves to the end of the step.
@@ -138,28 +160,42 @@ def advance(
                     find_neighbours(
                         state, cubes, marks, ends, sites, counters, rules, count, pair_capacity
                     )
-                collide(state, cubes, marks, pairs, ends, counters, scratch, rules, count)
+                if part > 0:
+                    note_motion(state, cubes, marks, rules.half_side, count)
+                collide(cubes, marks, pairs, ends, counters, scratch, rules, count)
                 if counters[ACTIVES] > 0:
                     substeps = min(int(rules.time_step / SUBSTEP) + 1, MOST_SUBSTEPS)
                     time = rules.time_step / substeps
-                    prepare(
-                        state,
+                    last_time = scratch[MEMORY, 0] if scratch[MEMORY, 0] > 0.0 else time
+                    scratch[MEMORY, 0] = time
+                    collide_with_ground(
                         cubes,
                         marks,
                         pairs,
                         ends,
                         counters,
-                        scratch,
                         rules,
                         count,
                         pair_capacity,
                         ground,
-                        time,
-                        scratch[MEMORY, 0],
+                        last_time,
                     )
-                    scratch[MEMORY, 0] = time
                     step_in_common(
-                        state, cubes, marks, pairs, ends, counters, rules, count, substeps, ground
+                        state,
+                        cubes,
+                        marks,
+                        pairs,
+                        ends,
+                        bodies,
+                        blocks,
+                        lanes,
+                        work,
+                        counters,
+                        rules,
+                        count,
+                        substeps,
+                        ground,
+                        last_time,
                     )
             for i in range(count):
                 if (
@@ -174,6 +210,10 @@ def advance(
                 for n in range(13):
                     state[n, i] = cube[n]
                 marks[i, AT_REST] = 1 if result == CAME_TO_REST else 0
+                if result != NOTHING:
+                    marks[i, ON_PLANE] = 1
+                elif marks[i, ON_PLANE]:
+                    forget_plane(cubes, marks, i)
                 counters[CONTACTS] += result != NOTHING
         # For each pair that touches, and each cube that rests.
         counters[CONTACTS] += counters[ACTIVES]
@@ -192,6 +232,8 @@ def entry(types: Any, carray: Any) -> tuple[Any, Any]:
     numbers_count = len(Rules._fields)
     rows, cube_columns, mark_columns = 13, layout.CUBE_COLUMNS, layout.MARK_COLUMNS
     pair_columns, end_columns = layout.PAIR_COLUMNS, layout.END_COLUMNS
+    body_columns, block_size = layout.BODY_COLUMNS, layout.BLOCK_SIZE
+    lane_columns, work_size = layout.LANE_COLUMNS, layout.WORK_SIZE
     counters_count = layout.COUNTERS
     scratch_shape = (layout.SCRATCH_ROWS, layout.SCRATCH_COLUMNS)
 
@@ -203,10 +245,15 @@ def entry(types: Any, carray: Any) -> tuple[Any, Any]:
         marks,
         pairs,
         ends,
+        bodies,
+        blocks,
+        lanes,
+        work,
         sites,
         scratch,
         capacity,
         pair_capacity,
+        block_capacity,
         site_capacity,
         count,
         steps,
@@ -219,6 +266,10 @@ def entry(types: Any, carray: Any) -> tuple[Any, Any]:
             carray(marks, (capacity + 1, mark_columns)),
             carray(pairs, (pair_capacity + capacity, pair_columns)),
             carray(ends, (pair_capacity + capacity, end_columns)),
+            carray(bodies, (capacity + 1, body_columns)),
+            carray(blocks, (block_capacity, block_size)),
+            carray(lanes, (block_capacity, lane_columns)),
+            carray(work, work_size),
             carray(sites, site_capacity),
             carray(scratch, scratch_shape),
             pair_capacity,
@@ -226,5 +277,8 @@ def entry(types: Any, carray: Any) -> tuple[Any, Any]:
             steps,
         )
 
-    arrays = (floats, floats, integers, floats, integers, floats, integers, integers, floats)
-    return integer(*arrays, *[integer] * 5), call
+    arrays = (
+        *(floats, floats, integers, floats, integers, floats, integers),
+        *(floats, floats, integers, floats, integers, floats),
+    )
+    return integer(*arrays, *[integer] * 6), call

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cube_sim.physics.compiled import compiled
-from cube_sim.physics.contact.layout import MATRIX, PLACE
+from cube_sim.physics.contact.layout import MATRIX, POSE
 
 Floats = NDArray[np.float64]
 
@@ -26,9 +26,9 @@ FIRST_EDGE = 6
 @compiled
 def relate(cubes: Floats, a: int, b: int, place: Floats) -> None:
     """Fill the relative place of the cubes a and b."""
-    dx = cubes[b, PLACE] - cubes[a, PLACE]
-    dy = cubes[b, PLACE + 1] - cubes[a, PLACE + 1]
-    dz = cubes[b, PLACE + 2] - cubes[a, PLACE + 2]
+    dx = cubes[b, POSE] - cubes[a, POSE]
+    dy = cubes[b, POSE + 1] - cubes[a, POSE + 1]
+    dz = cubes[b, POSE + 2] - cubes[a, POSE + 2]
     for i in range(3):
         ax = cubes[a, MATRIX + i]
         ay = cubes[a, MATRIX + 3 + i]
@@ -61,11 +61,13 @@ def widest_axis(place: Floats, half_side: float, margin: float, habit: int) -> t
             j = axis - 3
             spread = (abs(place[j]) + abs(place[3 + j])) + abs(place[6 + j])
             gap = abs(place[IN_B + j]) - half_side * (1.0 + spread)
-        if gap > margin:
-            return NO_AXIS, gap
         score = gap + HABIT * half_side if axis == habit else gap
         if score > best_score:
             best_axis, best_gap, best_score = axis, gap, score
+    if best_gap > margin:
+        return NO_AXIS, best_gap
+    # By how much an edge may be preferred on top of its gap, where that is negative.
+    least = (HABIT - EDGE_HANDICAP) * half_side
     for i in range(3):
         i1 = (i + 1) % 3
         i2 = (i + 2) % 3
@@ -82,7 +84,11 @@ def widest_axis(place: Floats, half_side: float, margin: float, habit: int) -> t
                 way = abs(
                     place[IN_A + i2] * place[3 * i1 + j] - place[IN_A + i1] * place[3 * i2 + j]
                 )
-                gap = (way - half_side * spread) / math.sqrt(square)
+                gap = way - half_side * spread
+                # What is negative grows in size by the division: no need to do it then.
+                if gap + least <= best_score:
+                    continue
+                gap /= math.sqrt(square)
                 if gap > margin:
                     return NO_AXIS, gap
                 axis = FIRST_EDGE + 3 * i + j

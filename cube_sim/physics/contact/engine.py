@@ -33,8 +33,16 @@ class TouchingCubes:
         self._pair_capacity = 0
         self._pairs: Floats = np.zeros((0, layout.PAIR_COLUMNS))
         self._ends: Integers = np.zeros((0, layout.END_COLUMNS), np.int64)
+        self._bodies: Floats = np.zeros((1, layout.BODY_COLUMNS))
+        self._blocks: Floats = np.zeros((0, layout.BLOCK_SIZE))
+        self._lanes: Integers = np.zeros((0, layout.LANE_COLUMNS), np.int64)
+        self._work = _aligned(1, layout.WORK_SIZE)[0]
         self._sites = np.zeros(2, np.int64)
-        self._code.set(counters=self._counters.ctypes.data, scratch=self._scratch.ctypes.data)
+        self._code.set(
+            counters=self._counters.ctypes.data,
+            scratch=self._scratch.ctypes.data,
+            work=self._work.ctypes.data,
+        )
 
     def use(self, state: Floats, settings: Settings) -> None:
         """Work on `state` (13, capacity) by `settings` from now on; a change of these wakes all."""
@@ -82,9 +90,9 @@ class TouchingCubes:
         return contact_points(
             self._state[:, :count],
             self._cubes,
-            self._pairs,
-            self._ends,
-            self._counters,
+            self._blocks,
+            self._lanes,
+            int(self._counters[layout.BLOCKS]),
             len(self._marks) - 1,
             0.5 * self._settings.cube_size,
         )
@@ -95,7 +103,8 @@ class TouchingCubes:
             'touching_pairs': int(self._counters[layout.ACTIVES]),
             'near_pairs': int(self._counters[layout.PAIRS]),
             'parts': int(self._counters[layout.PARTS]),
-            'sweeps': int(self._counters[layout.SOLVED]),
+            'impacts': int(self._counters[layout.IMPACTS]),
+            'sweeps': int(self._counters[layout.SWEEPS]),
         }
 
     def _wake(self) -> None:
@@ -109,6 +118,7 @@ class TouchingCubes:
         if count >= len(self._cubes):
             self._cubes = _grown(self._cubes, count + 1)
             self._marks = _grown(self._marks, count + 1)
+            self._bodies = _aligned(count + 1, layout.BODY_COLUMNS)
             self._sites = np.zeros(4 << (count - 1).bit_length(), np.int64)
             self._reserve_pairs(max(self._pair_capacity, 4 * count))
 
@@ -117,6 +127,11 @@ class TouchingCubes:
         self._pairs = _grown(self._pairs, rows)
         self._ends = _grown(self._ends, rows)
         self._pair_capacity = pair_capacity
+        # What is not used of this memory is never touched.
+        blocks = layout.block_capacity(rows)
+        self._blocks = _aligned(blocks, layout.BLOCK_SIZE)
+        self._lanes = np.zeros((blocks, layout.LANE_COLUMNS), np.int64)
+        self._counters[layout.BLOCKS] = 0
         if hasattr(self, '_numbers'):
             self._set_addresses()
 
@@ -130,6 +145,10 @@ class TouchingCubes:
             pairs=self._pairs.ctypes.data,
             pair_capacity=self._pair_capacity,
             ends=self._ends.ctypes.data,
+            bodies=self._bodies.ctypes.data,
+            blocks=self._blocks.ctypes.data,
+            block_capacity=len(self._blocks),
+            lanes=self._lanes.ctypes.data,
             sites=self._sites.ctypes.data,
             site_capacity=len(self._sites),
         )
@@ -140,3 +159,10 @@ def _grown(array: Array, rows: int) -> Array:
     grown = np.zeros((max(rows, len(array)), *array.shape[1:]), array.dtype)
     grown[: len(array)] = array
     return grown
+
+
+def _aligned(rows: int, columns: int) -> Floats:
+    """Return zeros that begin at a cache line: a vector that lies across two costs twice."""
+    memory = np.zeros(rows * columns + 8)
+    first = -memory.ctypes.data % 64 // 8
+    return memory[first : first + rows * columns].reshape(rows, columns)

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from cube_sim.physics.compiled import compiled
 from cube_sim.physics.contact.axes import FIRST_EDGE, IN_A, IN_B
 from cube_sim.physics.contact.layout import (
-    GAP,
-    IMPULSE_N,
+    KEPT_N,
     LOCAL_A,
     LOCAL_B,
     LOCAL_NORMAL,
-    POINT,
-    POINT_COLUMNS,
+    PAIR_POINT,
+    PAIR_POINT_COLUMNS,
 )
 
 Floats = NDArray[np.float64]
@@ -116,11 +115,10 @@ def face_points(
     mine = LOCAL_B if flipped else LOCAL_A
     other = LOCAL_A if flipped else LOCAL_B
     for n in range(kept):
-        at = POINT + n * POINT_COLUMNS
+        at = PAIR_POINT + n * PAIR_POINT_COLUMNS
         row[at + mine + u] = polygon[3 * n]
         row[at + mine + v] = polygon[3 * n + 1]
         row[at + mine + r] = sign * h
-        row[at + GAP] = polygon[3 * n + 2]
         # The same on the other cube: in its axes, from its centre.
         x = polygon[3 * n] - direction * place[way + u]
         y = polygon[3 * n + 1] - direction * place[way + v]
@@ -169,7 +167,7 @@ def four_of(polygon: Floats, count: int, copy: Floats) -> int:
 
 
 @compiled
-def edge_point(place: Floats, axis: int, half_side: float, gap: float, row: Floats) -> int:
+def edge_point(place: Floats, axis: int, half_side: float, row: Floats) -> int:
     """Write the one point of two crossing edges to a row of `pairs`; return 1."""
     i = (axis - FIRST_EDGE) // 3
     j = (axis - FIRST_EDGE) % 3
@@ -197,14 +195,13 @@ def edge_point(place: Floats, axis: int, half_side: float, gap: float, row: Floa
     t = (cosine * along_a - along_b) / square
     s = min(max(s, -half_side), half_side)
     t = min(max(t, -half_side), half_side)
-    at = POINT
+    at = PAIR_POINT
     row[at + LOCAL_A + i] = s
     row[at + LOCAL_A + i1] = a1
     row[at + LOCAL_A + i2] = a2
     row[at + LOCAL_B + j] = t
     row[at + LOCAL_B + j1] = b1
     row[at + LOCAL_B + j2] = b2
-    row[at + GAP] = gap
     return 1
 
 
@@ -212,11 +209,11 @@ def edge_point(place: Floats, axis: int, half_side: float, gap: float, row: Floa
 def remember_points(row: Floats, count: int, scratch: Floats) -> None:
     """Put the points of the last step, with their impulses, aside."""
     for n in range(count):
-        at = POINT + n * POINT_COLUMNS
+        at = PAIR_POINT + n * PAIR_POINT_COLUMNS
         for k in range(6):
             scratch[LAST + n, k] = row[at + LOCAL_A + k]
         for k in range(4):
-            scratch[LAST + n, 6 + k] = row[at + IMPULSE_N + k]
+            scratch[LAST + n, 6 + k] = row[at + KEPT_N + k]
         scratch[LAST + n, 10] = 0.0  # not yet taken over
 
 
@@ -225,9 +222,9 @@ def recall_impulses(row: Floats, count: int, last: int, half_side: float, scratc
     """Give each point the impulses of the one of the last step that lay where it lies."""
     limit = (SAME * half_side) * (SAME * half_side)
     for n in range(count):
-        at = POINT + n * POINT_COLUMNS
+        at = PAIR_POINT + n * PAIR_POINT_COLUMNS
         for k in range(4):
-            row[at + IMPULSE_N + k] = 0.0
+            row[at + KEPT_N + k] = 0.0
         best, nearest = limit, -1
         for m in range(last):
             if scratch[LAST + m, 10] >= 0.0:
@@ -243,4 +240,4 @@ def recall_impulses(row: Floats, count: int, last: int, half_side: float, scratc
         if nearest >= 0:
             scratch[LAST + nearest, 10] = -1.0
             for k in range(4):
-                row[at + IMPULSE_N + k] = scratch[LAST + nearest, 6 + k]
+                row[at + KEPT_N + k] = scratch[LAST + nearest, 6 + k]

@@ -22,6 +22,7 @@ from cube_sim.physics.contact.layout import (
     REACH,
     REBUILDS,
     ROWS_USED,
+    SEEN,
     STALE,
     WHICH,
 )
@@ -31,8 +32,10 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 DIAGONAL = 1.7320508075688774
-# In sides: how far a slow cube may go before the neighbours are sought again, at least.
-SKIN = 0.1
+# A list of neighbours is to hold for so many steps; a slow cube may go so far at least, in sides.
+STEPS, SKIN = 8.0, 0.05
+# Who goes farther in that time, in sides and as a multiple of the mean, is a fast one.
+FAST, FASTER = 0.3, 3.0
 # In sides: cubes this near may touch in any case.
 NEAR = 0.04
 
@@ -76,11 +79,11 @@ def bucket(x: int, y: int, z: int, mask: int) -> int:
 
 
 @compiled
-def may_meet(state: Floats, cubes: Floats, i: int, j: int, near: float) -> bool:
+def may_meet(cubes: Floats, i: int, j: int, near: float) -> bool:
     """Say whether two cubes may come within `near` of each other before the next search."""
-    x = state[0, j] - state[0, i]
-    y = state[1, j] - state[1, i]
-    z = state[2, j] - state[2, i]
+    x = cubes[j, HOME] - cubes[i, HOME]
+    y = cubes[j, HOME + 1] - cubes[i, HOME + 1]
+    z = cubes[j, HOME + 2] - cubes[i, HOME + 2]
     reach = near + cubes[i, REACH] + cubes[j, REACH]
     return bool((x * x + y * y) + z * z <= reach * reach)
 
@@ -100,43 +103,46 @@ def find_neighbours(
     """
     Write the list of all pairs that may touch in the next steps, ordered; False if it is too long.
 
-    A pair that was in the list before keeps its row of `pairs`. Cubes that go far in a step
-    (more than a few times the mean) are compared with all others.
+    A pair that was in the list before keeps its row of `pairs`. Cubes that go far in a step are
+    compared with all others.
     """
+    # Should the list get too long, the one of before no longer holds: homes have changed.
+    counters[STALE] = 1
     side = 2.0 * rules.half_side
     total = 0.0
     for i in range(count):
-        total += travel(state, i, rules)
-    skin = max(SKIN * side, 4.0 * (total / count))
+        step = travel(state, i, rules)
+        total += step
+        for n in range(3):
+            cubes[i, HOME + n] = state[n, i]
+        cubes[i, REACH] = max(SKIN * side, STEPS * step)
+    limit = max(FAST * side, FASTER * STEPS * (total / count))
+    farthest = 0.0
+    for i in range(count):
+        if cubes[i, REACH] <= limit:
+            farthest = max(farthest, cubes[i, REACH])
     near = side * (DIAGONAL + NEAR)
-    per_cell = 1.0 / (near + skin)
+    per_cell = 1.0 / (near + 2.0 * farthest)
     mask = len(sites) // 2 - 1
-    fast = 0  # a list of the fast ones, in the second half of `sites`
     for n in range(mask + 1):
         sites[n] = -1
-    for i in range(count - 1, -1, -1):
-        step = travel(state, i, rules)
-        cubes[i, HOME] = state[0, i]
-        cubes[i, HOME + 1] = state[1, i]
-        cubes[i, HOME + 2] = state[2, i]
-        if 2.0 * step > skin:
-            cubes[i, REACH] = 1.5 * step
+    fast = 0  # a list of the fast ones, in the second half of `sites`
+    for i in range(count):
+        if cubes[i, REACH] > limit:
             marks[i, NEXT] = -2
+            sites[mask + 1 + fast] = i
+            fast += 1
         else:
-            cubes[i, REACH] = 0.5 * skin
             x = floor(state[0, i] * per_cell)
             y = floor(state[1, i] * per_cell)
             z = floor(state[2, i] * per_cell)
             marks[i, CELL] = x
             marks[i, CELL + 1] = y
             marks[i, CELL + 2] = z
+            # The later a cube, the nearer to the head of the chain of its bucket.
             place = bucket(x, y, z, mask)
             marks[i, NEXT] = sites[place]
             sites[place] = i
-    for i in range(count):
-        if marks[i, NEXT] == -2:
-            sites[mask + 1 + fast] = i
-            fast += 1
 
     old = LIST_A if counters[WHICH] == 0 else LIST_B
     new = LIST_B if counters[WHICH] == 0 else LIST_A
@@ -147,7 +153,7 @@ def find_neighbours(
             return False
         if marks[i, NEXT] == -2:
             for j in range(i + 1, count):
-                if may_meet(state, cubes, i, j, near):
+                if may_meet(cubes, i, j, near):
                     if pairs >= pair_capacity:
                         return False
                     ends[pairs, new] = i
@@ -156,7 +162,7 @@ def find_neighbours(
             continue
         for n in range(fast):
             j = sites[mask + 1 + n]
-            if j > i and may_meet(state, cubes, i, j, near):
+            if j > i and may_meet(cubes, i, j, near):
                 if pairs >= pair_capacity:
                     return False
                 ends[pairs, new] = i
@@ -167,13 +173,12 @@ def find_neighbours(
             for y in range(cy - 1, cy + 2):
                 for z in range(cz - 1, cz + 2):
                     j = sites[bucket(x, y, z, mask)]
-                    while j >= 0:
+                    while j > i:
                         if (
-                            j > i
+                            may_meet(cubes, i, j, near)
                             and marks[j, CELL] == x
                             and marks[j, CELL + 1] == y
                             and marks[j, CELL + 2] == z
-                            and may_meet(state, cubes, i, j, near)
                         ):
                             if pairs >= pair_capacity:
                                 return False
@@ -216,6 +221,7 @@ def find_neighbours(
                 counters[ROWS_USED] += 1
             ends[m, new + 2] = row
             ends[row, POINTS] = 0
+            ends[row, SEEN] = -1
     counters[FREES] = frees
     counters[PAIRS] = pairs
     counters[WHICH] = 1 - counters[WHICH]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +17,9 @@ Integers = NDArray[np.int64]
 def contact_points(
     state: Floats,
     cubes: Floats,
-    pairs: Floats,
-    ends: Integers,
-    counters: Integers,
+    blocks: Floats,
+    lanes: Integers,
+    block_count: int,
     ground: int,
     half_side: float,
 ) -> ContactPoints:
@@ -35,20 +37,21 @@ def contact_points(
     normals = [np.tile([0.0, 0.0, 1.0], (len(which), 1))]
     impulses = [pushes[which, corner]]
     indices = [np.stack([which, np.full(len(which), -1)], axis=1)]
-    for n in range(counters[layout.ACTIVES]):
-        row, a, b = ends[n, layout.ACTIVE : layout.ACTIVE + 3]
-        if a == ground:
-            continue
-        size = layout.POINT_COLUMNS
-        points = pairs[row, layout.POINT :].reshape(4, size)[: ends[row, layout.POINTS]]
-        points = points[np.any(points[:, layout.TOTAL : layout.TOTAL + 3] != 0.0, axis=1)]
-        place = cubes[a, layout.PLACE : layout.PLACE + 3]
-        positions.append(points[:, layout.ARM_A : layout.ARM_A + 3] + place)
+    used, owners = blocks[:block_count], lanes[:block_count]
+    lane = np.arange(layout.LANES)
+    for p in range(4):
+        columns = used[:, layout.POINT + p * layout.POINT_SIZE :]
+        there = (lane < owners[:, layout.LENGTH, None]) & (p < owners[:, layout.COUNT, None])
+        there &= _column(owners, layout.CUBE_A) != ground
+        push = _vectors(columns, layout.TOTAL)
+        block, i = np.nonzero(there & np.any(push != 0.0, axis=2))
+        a, b = owners[block, layout.CUBE_A + i], owners[block, layout.CUBE_B + i]
+        place = cubes[a, layout.POSE : layout.POSE + 3]
+        positions.append(_vectors(columns, layout.ARM)[block, i] + place)
         # The first cube of a pair is pushed against the normal, which points at the second.
-        normal = -pairs[row, layout.NORMAL : layout.NORMAL + 3]
-        normals.append(np.tile(normal, (len(points), 1)))
-        impulses.append(-points[:, layout.TOTAL : layout.TOTAL + 3])
-        indices.append(np.tile([a, b], (len(points), 1)))
+        normals.append(-_vectors(used, layout.N)[block, i])
+        impulses.append(-push[block, i])
+        indices.append(np.stack([a, b], axis=1))
     return ContactPoints(
         np.concatenate(positions),
         np.concatenate(normals),
@@ -61,3 +64,14 @@ def turned(orientations: Floats, vectors: Floats) -> Floats:
     """Return vectors (K, 3) turned by unit quaternions (K, 4), x y z w."""
     axes, w = orientations[:, :3], orientations[:, 3:]
     return vectors + 2.0 * np.cross(axes, np.cross(axes, vectors) + w * vectors)
+
+
+def _column(rows: NDArray[Any], column: int) -> NDArray[Any]:
+    """Return a column of all blocks, (B, LANES)."""
+    return rows[:, column : column + layout.LANES]
+
+
+def _vectors(rows: Floats, column: int) -> Floats:
+    """Return three columns of all blocks as vectors, (B, LANES, 3)."""
+    size = layout.LANES
+    return np.stack([_column(rows, column + n * size) for n in range(3)], axis=2)

@@ -6,19 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cube_sim.physics.compiled import compiled
+from cube_sim.physics.contact.forest import join, root
 from cube_sim.physics.contact.layout import (
     ACTIVE,
     ACTIVES,
     ASLEEP,
     AT_REST,
-    GAP,
     GROUPED,
     ISLAND,
-    POINT,
-    POINT_COLUMNS,
-    POINTS,
+    LEAST,
     STILL,
 )
+from cube_sim.physics.contact.motion import note_cube
 from cube_sim.physics.contact.rules import Rules
 from cube_sim.physics.contact.solver import SLOP
 
@@ -28,15 +27,6 @@ Integers = NDArray[np.int64]
 # An island sleeps when all its cubes have been slower than this, m/s (for a corner on account
 # of the spin as well), for so long, s.
 SLEEP_SPEED, SLEEP_AFTER = 0.01, 0.5
-
-
-@compiled
-def root(marks: Integers, i: int) -> int:
-    """Return the name of the island of a cube, and shorten the way to it."""
-    while marks[i, ISLAND] != i:
-        marks[i, ISLAND] = marks[marks[i, ISLAND], ISLAND]
-        i = marks[i, ISLAND]
-    return i
 
 
 @compiled
@@ -78,25 +68,19 @@ def put_to_sleep(
         number, a, b = ends[n, ACTIVE], ends[n, ACTIVE + 1], ends[n, ACTIVE + 2]
         if a == ground or marks[a, ASLEEP] or marks[b, ASLEEP]:
             continue
-        joined = False
-        for p in range(ends[number, POINTS]):
-            joined = joined or pairs[number, POINT + p * POINT_COLUMNS + GAP] <= touching
-        if joined:
-            a, b = root(marks, a), root(marks, b)
-            if a < b:
-                marks[b, ISLAND] = a
-            else:
-                marks[a, ISLAND] = b
+        if pairs[number, LEAST] <= touching:
+            join(marks, ISLAND, a, b)
     # An island takes the shortest still time of its cubes.
     for i in range(count):
         if not marks[i, ASLEEP]:
-            name = root(marks, i)
+            name = root(marks, ISLAND, i)
             cubes[name, STILL] = min(cubes[name, STILL], cubes[i, STILL])
     for i in range(count):
-        if not marks[i, ASLEEP] and root(marks, i) != i:
-            marks[i, ISLAND] = root(marks, i)
+        if not marks[i, ASLEEP] and root(marks, ISLAND, i) != i:
+            marks[i, ISLAND] = root(marks, ISLAND, i)
     for i in range(count):
         if not marks[i, ASLEEP] and cubes[marks[i, ISLAND], STILL] >= SLEEP_AFTER:
             marks[i, ASLEEP] = 1
             for n in range(7, 13):
                 state[n, i] = 0.0
+            note_cube(state, cubes, i, rules.half_side)

@@ -1,4 +1,10 @@
-"""The solution in common: sub-steps of sequential impulses for all cubes that touch each other."""
+"""
+The solution in common: sequential impulses, eight pairs at a time.
+
+A sweep visits block after block, in each the first points of all its pairs, then the second ones.
+The pairs of a block share no body that moves, so the eight are independent, and one stream of
+vector instructions does all; each number is rounded as if it were alone.
+"""
 
 from __future__ import annotations
 
@@ -9,34 +15,44 @@ from numpy.typing import NDArray
 
 from cube_sim.physics.compiled import compiled
 from cube_sim.physics.contact.layout import (
-    ACTIVE,
-    ARM_A,
-    ARM_B,
-    ASLEEP,
+    ACTED,
+    ARM,
+    BODY_A,
+    BODY_B,
     BOUNCE,
+    COUNT,
+    CROSS,
+    FASTEST,
+    FIRST_GAP,
+    FIRST_WAY,
+    FRICTION,
     GAP,
-    GROUPED,
-    HIT,
-    HITTING,
-    IMPULSE_N,
-    IMPULSE_T,
-    INVERSE_INERTIA,
-    INVERSE_MASS,
-    KEPT,
+    HALF,
+    HITS,
+    INERTIA_A,
+    INERTIA_B,
+    JN,
+    JT,
+    LANES,
+    MASS_A,
+    MASS_B,
     MASS_N,
     MASS_T,
-    NORMAL,
     POINT,
-    POINT_COLUMNS,
-    POINTS,
+    POINT_SIZE,
+    SETTLED,
     SHIFT,
-    SV,
-    SW,
+    TARGET,
     TOTAL,
-    TOUCHED,
-    TURN,
+    WAY,
+    WORK_A,
+    WORK_B,
+    N,
+    V,
+    X,
+    Y,
+    Z,
 )
-from cube_sim.physics.contact.rules import Rules
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -45,375 +61,345 @@ Integers = NDArray[np.int64]
 # than FASTEST_PUSH, m/s; the velocity of that is taken away again (relaxation). Ten times the
 # rate makes stacks tremble: what one sweep leaves of it feeds the next.
 SLOP, PUSH_OUT, FASTEST_PUSH = 4e-5, 15.0, 2.0
-MOST_SWEEPS, MOST_ATTEMPTS = 80, 4
+# A target that no velocity misses: the point is left alone.
+ANYTHING = -1e300
 
-WARM, PUSHING, RELAXING, BOUNCING = 0, 1, 2, 3
+# Columns of the work: linear and angular part of either body.
+AV, AW = WORK_A, WORK_A + 3 * LANES
+BV, BW = WORK_B, WORK_B + 3 * LANES
+
+
+@compiled
+def cross(
+    ax: float, ay: float, az: float, bx: float, by: float, bz: float
+) -> tuple[float, float, float]:
+    """Return the vector product a x b."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@compiled
+def take(bodies: Floats, lane: Integers, first: int, work: Floats) -> None:
+    """Fetch six columns of both bodies of each pair, from column `first` on."""
+    for i in range(LANES):
+        a = bodies[lane[BODY_A + i]]
+        b = bodies[lane[BODY_B + i]]
+        for n in range(6):
+            work[WORK_A + n * LANES + i] = a[first + n]
+            work[WORK_B + n * LANES + i] = b[first + n]
+
+
+@compiled
+def give(bodies: Floats, lane: Integers, work: Floats) -> None:
+    """Put the velocities back. What nothing moves gets the zeros that it gave."""
+    for i in range(LANES):
+        a = bodies[lane[BODY_A + i]]
+        b = bodies[lane[BODY_B + i]]
+        for n in range(6):
+            a[V + n] = work[WORK_A + n * LANES + i]
+            b[V + n] = work[WORK_B + n * LANES + i]
+
+
+@compiled
+def visit(block: Floats, point: Floats, work: Floats, enough: float) -> int:
+    """
+    Give one point of each pair its law; return how many changed by more than `enough`, N s.
+
+    The normal velocity becomes TARGET at least, by a normal impulse that is not negative in all;
+    then the tangential impulse, a vector, takes the sliding away as far as FRICTION times the
+    normal one goes. CROSS is what the normal part does to the sliding.
+    """
+    unsettled = 0
+    for i in range(LANES):
+        nx, ny, nz = block[N + X + i], block[N + Y + i], block[N + Z + i]
+        ax = point[ARM + X + i] + block[HALF + X + i]
+        ay = point[ARM + Y + i] + block[HALF + Y + i]
+        az = point[ARM + Z + i] + block[HALF + Z + i]
+        bx = ax - block[WAY + X + i]
+        by = ay - block[WAY + Y + i]
+        bz = az - block[WAY + Z + i]
+        px, py, pz = cross(work[AW + X + i], work[AW + Y + i], work[AW + Z + i], ax, ay, az)
+        qx, qy, qz = cross(work[BW + X + i], work[BW + Y + i], work[BW + Z + i], bx, by, bz)
+        ux = (work[BV + X + i] - work[AV + X + i]) + (qx - px)
+        uy = (work[BV + Y + i] - work[AV + Y + i]) + (qy - py)
+        uz = (work[BV + Z + i] - work[AV + Z + i]) + (qz - pz)
+        un = (ux * nx + uy * ny) + uz * nz
+        old = point[JN + i]
+        new = max(old + point[MASS_N + i] * (point[TARGET + i] - un), 0.0)
+        change = new - old
+        unsettled += abs(change) > enough
+        tx, ty, tz = point[JT + X + i], point[JT + Y + i], point[JT + Z + i]
+        mass = point[MASS_T + i]
+        fx = tx - mass * ((ux - un * nx) + change * point[CROSS + X + i])
+        fy = ty - mass * ((uy - un * ny) + change * point[CROSS + Y + i])
+        fz = tz - mass * ((uz - un * nz) + change * point[CROSS + Z + i])
+        length = (fx * fx + fy * fy) + fz * fz
+        limit = block[FRICTION + i] * new
+        scale = limit / math.sqrt(length) if length > limit * limit else 1.0
+        fx, fy, fz = fx * scale, fy * scale, fz * scale
+        point[JN + i] = new
+        point[JT + X + i] = fx
+        point[JT + Y + i] = fy
+        point[JT + Z + i] = fz
+        block[ACTED + i] += new
+        jx, jy, jz = change * nx + (fx - tx), change * ny + (fy - ty), change * nz + (fz - tz)
+        mass_a, mass_b = block[MASS_A + i], block[MASS_B + i]
+        inertia_a, inertia_b = block[INERTIA_A + i], block[INERTIA_B + i]
+        px, py, pz = cross(ax, ay, az, jx, jy, jz)
+        qx, qy, qz = cross(bx, by, bz, jx, jy, jz)
+        work[AV + X + i] -= mass_a * jx
+        work[AV + Y + i] -= mass_a * jy
+        work[AV + Z + i] -= mass_a * jz
+        work[AW + X + i] -= inertia_a * px
+        work[AW + Y + i] -= inertia_a * py
+        work[AW + Z + i] -= inertia_a * pz
+        work[BV + X + i] += mass_b * jx
+        work[BV + Y + i] += mass_b * jy
+        work[BV + Z + i] += mass_b * jz
+        work[BW + X + i] += inertia_b * qx
+        work[BW + Y + i] += inertia_b * qy
+        work[BW + Z + i] += inertia_b * qz
+    return unsettled
 
 
 @compiled
 def sweep(
-    cubes: Floats,
-    pairs: Floats,
-    ends: Integers,
-    active: int,
-    rules: Rules,
-    time: float,
-    kind: int,
+    blocks: Floats,
+    lanes: Integers,
+    bodies: Floats,
+    work: Floats,
+    first: int,
+    last: int,
     backward: bool,
-) -> float:
-    """
-    Visit every point once; return the greatest change of a normal impulse, N s.
-
-    WARM applies the impulses of the last sub-step. PUSHING and RELAXING ask for a normal
-    velocity of at least -gap/time where there is a gap; where there is overlap, PUSHING asks for
-    one that takes it away and RELAXING for 0. BOUNCING visits the points of an impact and asks for
-    BOUNCE. The impulse of a point stays in Coulomb's cone: after the normal part the tangential
-    one, a vector, is shortened to friction times the normal one.
-    """
-    slop = SLOP * 2.0 * rules.half_side
-    per_time = 1.0 / time
-    rate = min(PUSH_OUT, 0.2 * per_time)
-    greatest = 0.0
-    for m in range(active):
-        # To and fro, so that what a cube learns of its load goes up and down a stack.
-        n = active - 1 - m if backward else m
-        number, a, b = ends[n, ACTIVE], ends[n, ACTIVE + 1], ends[n, ACTIVE + 2]
-        points = ends[number, POINTS]
-        if kind == BOUNCING and not ends[number, HITTING]:
-            continue
-        nx = pairs[number, NORMAL]
-        ny = pairs[number, NORMAL + 1]
-        nz = pairs[number, NORMAL + 2]
-        mass_a, mass_b = cubes[a, INVERSE_MASS], cubes[b, INVERSE_MASS]
-        inertia_a, inertia_b = cubes[a, INVERSE_INERTIA], cubes[b, INVERSE_INERTIA]
-        avx, avy, avz = cubes[a, SV], cubes[a, SV + 1], cubes[a, SV + 2]
-        awx, awy, awz = cubes[a, SW], cubes[a, SW + 1], cubes[a, SW + 2]
-        bvx, bvy, bvz = cubes[b, SV], cubes[b, SV + 1], cubes[b, SV + 2]
-        bwx, bwy, bwz = cubes[b, SW], cubes[b, SW + 1], cubes[b, SW + 2]
-        # Half of how the centres have moved against each other: the shared point lies between.
-        sx = 0.5 * (cubes[b, SHIFT] - cubes[a, SHIFT])
-        sy = 0.5 * (cubes[b, SHIFT + 1] - cubes[a, SHIFT + 1])
-        sz = 0.5 * (cubes[b, SHIFT + 2] - cubes[a, SHIFT + 2])
-        for p in range(points):
-            at = POINT + p * POINT_COLUMNS
-            if kind == BOUNCING and pairs[number, at + BOUNCE] < 0.0:
-                continue
-            ax0 = pairs[number, at + ARM_A]
-            ay0 = pairs[number, at + ARM_A + 1]
-            az0 = pairs[number, at + ARM_A + 2]
-            bx0 = pairs[number, at + ARM_B]
-            by0 = pairs[number, at + ARM_B + 1]
-            bz0 = pairs[number, at + ARM_B + 2]
-            ax, ay, az = ax0 + sx, ay0 + sy, az0 + sz
-            bx, by, bz = bx0 - sx, by0 - sy, bz0 - sz
-            if kind == WARM:
-                old_n = 0.0
-                new_n = pairs[number, at + IMPULSE_N]
-                jx = pairs[number, at + IMPULSE_T]
-                jy = pairs[number, at + IMPULSE_T + 1]
-                jz = pairs[number, at + IMPULSE_T + 2]
-                # What the normal has turned since then is no longer tangential.
-                along = (jx * nx + jy * ny) + jz * nz
-                jx, jy, jz = jx - along * nx, jy - along * ny, jz - along * nz
-                pairs[number, at + IMPULSE_T] = jx
-                pairs[number, at + IMPULSE_T + 1] = jy
-                pairs[number, at + IMPULSE_T + 2] = jz
-                jx, jy, jz = jx + new_n * nx, jy + new_n * ny, jz + new_n * nz
-            else:
-                ux = (bvx - avx) + ((bwy * bz - bwz * by) - (awy * az - awz * ay))
-                uy = (bvy - avy) + ((bwz * bx - bwx * bz) - (awz * ax - awx * az))
-                uz = (bvz - avz) + ((bwx * by - bwy * bx) - (awx * ay - awy * ax))
-                un = (ux * nx + uy * ny) + uz * nz
-                if kind == BOUNCING:
-                    old_n = pairs[number, at + HIT]
-                    target = pairs[number, at + BOUNCE]
-                else:
-                    old_n = pairs[number, at + IMPULSE_N]
-                    # By how much the two have come apart since the collision phase.
-                    tax, tay, taz = cubes[a, TURN], cubes[a, TURN + 1], cubes[a, TURN + 2]
-                    tbx, tby, tbz = cubes[b, TURN], cubes[b, TURN + 1], cubes[b, TURN + 2]
-                    ox = 2.0 * sx + ((tby * bz0 - tbz * by0) - (tay * az0 - taz * ay0))
-                    oy = 2.0 * sy + ((tbz * bx0 - tbx * bz0) - (taz * ax0 - tax * az0))
-                    oz = 2.0 * sz + ((tbx * by0 - tby * bx0) - (tax * ay0 - tay * ax0))
-                    gap = pairs[number, at + GAP] + ((ox * nx + oy * ny) + oz * nz)
-                    target = 0.0
-                    if gap > 0.0:
-                        # What may hit in the next sub-step is left to it, with restitution.
-                        if kind == RELAXING and old_n == 0.0:
-                            continue
-                        target = -(gap * per_time)
-                    elif kind == PUSHING and gap < -slop:
-                        target = min(-(rate * (gap + slop)), FASTEST_PUSH)
-                new_n = max(old_n + pairs[number, at + MASS_N] * (target - un), 0.0)
-                if new_n == 0.0 and old_n == 0.0:
-                    continue
-                change = new_n - old_n
-                greatest = max(greatest, abs(change))
-                # The tangential velocity after the normal impulse.
-                jx, jy, jz = change * nx, change * ny, change * nz
-                awx2 = awx - inertia_a * (ay * jz - az * jy)
-                awy2 = awy - inertia_a * (az * jx - ax * jz)
-                awz2 = awz - inertia_a * (ax * jy - ay * jx)
-                bwx2 = bwx + inertia_b * (by * jz - bz * jy)
-                bwy2 = bwy + inertia_b * (bz * jx - bx * jz)
-                bwz2 = bwz + inertia_b * (bx * jy - by * jx)
-                mass = mass_a + mass_b
-                ux = ((bvx - avx) + mass * jx) + ((bwy2 * bz - bwz2 * by) - (awy2 * az - awz2 * ay))
-                uy = ((bvy - avy) + mass * jy) + ((bwz2 * bx - bwx2 * bz) - (awz2 * ax - awx2 * az))
-                uz = ((bvz - avz) + mass * jz) + ((bwx2 * by - bwy2 * bx) - (awx2 * ay - awy2 * ax))
-                un = (ux * nx + uy * ny) + uz * nz
-                mt = pairs[number, at + MASS_T]
-                tx = pairs[number, at + IMPULSE_T]
-                ty = pairs[number, at + IMPULSE_T + 1]
-                tz = pairs[number, at + IMPULSE_T + 2]
-                fx = tx - mt * (ux - un * nx)
-                fy = ty - mt * (uy - un * ny)
-                fz = tz - mt * (uz - un * nz)
-                length = (fx * fx + fy * fy) + fz * fz
-                limit = rules.friction * new_n
-                if length > limit * limit:
-                    scale = limit / math.sqrt(length)
-                    fx, fy, fz = fx * scale, fy * scale, fz * scale
-                pairs[number, at + IMPULSE_T] = fx
-                pairs[number, at + IMPULSE_T + 1] = fy
-                pairs[number, at + IMPULSE_T + 2] = fz
-                if kind == BOUNCING:
-                    pairs[number, at + HIT] = new_n
-                else:
-                    pairs[number, at + IMPULSE_N] = new_n
-                jx, jy, jz = jx + (fx - tx), jy + (fy - ty), jz + (fz - tz)
-            avx, avy, avz = avx - mass_a * jx, avy - mass_a * jy, avz - mass_a * jz
-            awx -= inertia_a * (ay * jz - az * jy)
-            awy -= inertia_a * (az * jx - ax * jz)
-            awz -= inertia_a * (ax * jy - ay * jx)
-            bvx, bvy, bvz = bvx + mass_b * jx, bvy + mass_b * jy, bvz + mass_b * jz
-            bwx += inertia_b * (by * jz - bz * jy)
-            bwy += inertia_b * (bz * jx - bx * jz)
-            bwz += inertia_b * (bx * jy - by * jx)
-        cubes[a, SV], cubes[a, SV + 1], cubes[a, SV + 2] = avx, avy, avz
-        cubes[a, SW], cubes[a, SW + 1], cubes[a, SW + 2] = awx, awy, awz
-        cubes[b, SV], cubes[b, SV + 1], cubes[b, SV + 2] = bvx, bvy, bvz
-        cubes[b, SW], cubes[b, SW + 1], cubes[b, SW + 2] = bwx, bwy, bwz
-    return greatest
-
-
-@compiled
-def approach(cubes: Floats, pairs: Floats, number: int, at: int, a: int, b: int) -> float:
-    """Return the normal velocity of a point, m/s: negative when the two come nearer."""
-    un = 0.0
-    for i in range(3):
-        j = i + 1 if i < 2 else 0
-        k = j + 1 if j < 2 else 0
-        s_j = 0.5 * (cubes[b, SHIFT + j] - cubes[a, SHIFT + j])
-        s_k = 0.5 * (cubes[b, SHIFT + k] - cubes[a, SHIFT + k])
-        ub = cubes[b, SV + i] + (
-            cubes[b, SW + j] * (pairs[number, at + ARM_B + k] - s_k)
-            - cubes[b, SW + k] * (pairs[number, at + ARM_B + j] - s_j)
-        )
-        ua = cubes[a, SV + i] + (
-            cubes[a, SW + j] * (pairs[number, at + ARM_A + k] + s_k)
-            - cubes[a, SW + k] * (pairs[number, at + ARM_A + j] + s_j)
-        )
-        un += pairs[number, NORMAL + i] * (ub - ua)
-    return un
-
-
-@compiled
-def opening(cubes: Floats, pairs: Floats, number: int, at: int, a: int, b: int) -> float:
-    """Return the gap of a point now, m."""
-    gap: float = pairs[number, at + GAP]
-    for i in range(3):
-        j = i + 1 if i < 2 else 0
-        k = j + 1 if j < 2 else 0
-        o = cubes[b, SHIFT + i] - cubes[a, SHIFT + i]
-        o += (
-            cubes[b, TURN + j] * pairs[number, at + ARM_B + k]
-            - cubes[b, TURN + k] * pairs[number, at + ARM_B + j]
-        )
-        o -= (
-            cubes[a, TURN + j] * pairs[number, at + ARM_A + k]
-            - cubes[a, TURN + k] * pairs[number, at + ARM_A + j]
-        )
-        gap += pairs[number, NORMAL + i] * o
-    return gap
-
-
-@compiled
-def impacts(
-    cubes: Floats,
-    marks: Integers,
-    pairs: Floats,
-    ends: Integers,
-    active: int,
-    rules: Rules,
-    count: int,
-    time: float,
+    enough: float,
+    all_of_them: bool,
 ) -> int:
     """
-    Turn back what hits in this sub-step, with restitution and friction; return the sweeps.
+    Visit the points of the blocks `first` to `last` - 1, of those that are not SETTLED or of all.
 
-    Of a pair with a point that hits, those that touch take part. Gauss-Seidel until the impulses
-    stand still: normal and tangential parts come out coupled. A point that carries already does
-    not hit: what its normal velocity lacks to zero is the error of an unfinished solution, and
-    given back with restitution it would keep a stack trembling. The same goes for speeds that
-    gravity gives in two steps.
+    Return how many points changed by more than `enough`, N s; a block without any is settled.
     """
-    threshold = rules.threshold + 2.0 * rules.gravity * rules.time_step
-    found = False
-    fastest = 0.0
-    slop = SLOP * 2.0 * rules.half_side
-    for n in range(active):
-        number, a, b = ends[n, ACTIVE], ends[n, ACTIVE + 1], ends[n, ACTIVE + 2]
-        hits = False
-        for p in range(ends[number, POINTS]):
-            at = POINT + p * POINT_COLUMNS
-            pairs[number, at + BOUNCE] = -1.0
-            if pairs[number, at + IMPULSE_N] > 0.0:
-                pairs[number, at + BOUNCE] = 0.0
-                continue
-            un = approach(cubes, pairs, number, at, a, b)
-            if un < threshold:
-                gap = opening(cubes, pairs, number, at, a, b)
-                if un < -threshold and gap + time * un <= 0.0:
-                    pairs[number, at + BOUNCE] = -(rules.restitution * un)
-                    hits = True
-                    fastest = max(fastest, -un)
-                elif gap <= slop:
-                    pairs[number, at + BOUNCE] = 0.0
-        for p in range(ends[number, POINTS]):
-            at = POINT + p * POINT_COLUMNS
-            if not hits:
-                pairs[number, at + BOUNCE] = -1.0
-            pairs[number, at + HIT] = 0.0
-        ends[number, HITTING] = 1 if hits else 0
-        found = found or hits
-    if not found:
-        return 0
-    # The cone is that of the impact alone. Restitution with friction could create energy; where
-    # it does, the impacts are solved again with less friction, at last with none.
-    before = keep_velocities(cubes, marks, rules, count)
-    sweeps = 0
-    share = 1.0
-    for attempt in range(MOST_ATTEMPTS):
-        if attempt == MOST_ATTEMPTS - 1:
-            share = 0.0
-        set_aside(pairs, ends, active)
-        sliding = with_friction(rules, share * rules.friction)
-        for n in range(MOST_SWEEPS):
-            change = sweep(cubes, pairs, ends, active, sliding, time, BOUNCING, n % 2 == 1)
-            sweeps += 1
-            if change <= 1e-9 * fastest:
-                break
-        if kinetic_energy(cubes, marks, rules, count) <= before * (1.0 + 1e-12):
-            break
-        if attempt < MOST_ATTEMPTS - 1:
-            restore_velocities(cubes, marks, count)
-        share *= 0.5
-    note_impacts(pairs, ends, active, marks)
-    return sweeps
+    total = 0
+    for m in range(last - first):
+        # To and fro, so that what a cube learns of its load goes up and down a stack.
+        k = last - 1 - m if backward else first + m
+        lane = lanes[k]
+        if lane[SETTLED] and not all_of_them:
+            continue
+        block = blocks[k]
+        take(bodies, lane, V, work)
+        unsettled = 0
+        for p in range(lane[COUNT]):
+            start = POINT + p * POINT_SIZE
+            unsettled += visit(block, block[start : start + POINT_SIZE], work, enough)
+        give(bodies, lane, work)
+        lane[SETTLED] = 0 if unsettled else 1
+        total += unsettled
+    return total
 
 
 @compiled
-def with_friction(rules: Rules, friction: float) -> Rules:
-    """Return the rules with another friction."""
-    return Rules(
-        rules.time_step,
-        rules.gx,
-        rules.gy,
-        rules.gz,
-        rules.gravity,
-        rules.half_side,
-        rules.inverse_inertia,
-        rules.restitution,
-        friction,
-        rules.threshold,
-        rules.collide,
-        rules.sleep,
-    )
+def push(block: Floats, point: Floats, work: Floats) -> None:
+    """Apply the impulses of one point of each pair; the tangential part is made so again."""
+    for i in range(LANES):
+        nx, ny, nz = block[N + X + i], block[N + Y + i], block[N + Z + i]
+        ax = point[ARM + X + i] + block[HALF + X + i]
+        ay = point[ARM + Y + i] + block[HALF + Y + i]
+        az = point[ARM + Z + i] + block[HALF + Z + i]
+        bx = ax - block[WAY + X + i]
+        by = ay - block[WAY + Y + i]
+        bz = az - block[WAY + Z + i]
+        jx, jy, jz = point[JT + X + i], point[JT + Y + i], point[JT + Z + i]
+        # What the normal has turned since then is no longer tangential.
+        along = (jx * nx + jy * ny) + jz * nz
+        jx, jy, jz = jx - along * nx, jy - along * ny, jz - along * nz
+        point[JT + X + i] = jx
+        point[JT + Y + i] = jy
+        point[JT + Z + i] = jz
+        jn = point[JN + i]
+        jx, jy, jz = jx + jn * nx, jy + jn * ny, jz + jn * nz
+        mass_a, mass_b = block[MASS_A + i], block[MASS_B + i]
+        inertia_a, inertia_b = block[INERTIA_A + i], block[INERTIA_B + i]
+        px, py, pz = cross(ax, ay, az, jx, jy, jz)
+        qx, qy, qz = cross(bx, by, bz, jx, jy, jz)
+        work[AV + X + i] -= mass_a * jx
+        work[AV + Y + i] -= mass_a * jy
+        work[AV + Z + i] -= mass_a * jz
+        work[AW + X + i] -= inertia_a * px
+        work[AW + Y + i] -= inertia_a * py
+        work[AW + Z + i] -= inertia_a * pz
+        work[BV + X + i] += mass_b * jx
+        work[BV + Y + i] += mass_b * jy
+        work[BV + Z + i] += mass_b * jz
+        work[BW + X + i] += inertia_b * qx
+        work[BW + Y + i] += inertia_b * qy
+        work[BW + Z + i] += inertia_b * qz
 
 
 @compiled
-def kinetic_energy(cubes: Floats, marks: Integers, rules: Rules, count: int) -> float:
-    """Return the kinetic energy of all cubes of the solution, J."""
-    total = 0.0
-    for i in range(count):
-        if marks[i, GROUPED] and not marks[i, ASLEEP]:
-            for n in range(3):
-                total += cubes[i, SV + n] * cubes[i, SV + n]
-                total += cubes[i, SW + n] * cubes[i, SW + n] / rules.inverse_inertia
-    return 0.5 * total
+def start_from_last(
+    blocks: Floats, lanes: Integers, bodies: Floats, work: Floats, count: int
+) -> None:
+    """Apply the impulses of the last sub-step."""
+    for k in range(count):
+        block, lane = blocks[k], lanes[k]
+        take(bodies, lane, V, work)
+        for p in range(lane[COUNT]):
+            start = POINT + p * POINT_SIZE
+            push(block, block[start : start + POINT_SIZE], work)
+        give(bodies, lane, work)
 
 
 @compiled
-def keep_velocities(cubes: Floats, marks: Integers, rules: Rules, count: int) -> float:
-    """Remember the velocities of all cubes of the solution; return their energy, J."""
-    for i in range(count):
-        if marks[i, GROUPED]:
-            for n in range(6):
-                cubes[i, KEPT + n] = cubes[i, SV + n]
-    return kinetic_energy(cubes, marks, rules, count)
+def move_along(blocks: Floats, lanes: Integers, bodies: Floats, work: Floats, count: int) -> None:
+    """Bring centres and gaps up to date with how the bodies have moved."""
+    for k in range(count):
+        block, lane = blocks[k], lanes[k]
+        take(bodies, lane, SHIFT, work)
+        for i in range(LANES):
+            for c in range(0, 3 * LANES, LANES):
+                shift = work[BV + c + i] - work[AV + c + i]
+                block[HALF + c + i] = 0.5 * shift
+                block[WAY + c + i] = block[FIRST_WAY + c + i] + shift
+        for p in range(lane[COUNT]):
+            start = POINT + p * POINT_SIZE
+            open_gaps(block, block[start : start + POINT_SIZE], work)
 
 
 @compiled
-def restore_velocities(cubes: Floats, marks: Integers, count: int) -> None:
-    """Go back to the velocities that were remembered."""
-    for i in range(count):
-        if marks[i, GROUPED]:
-            for n in range(6):
-                cubes[i, SV + n] = cubes[i, KEPT + n]
+def open_gaps(block: Floats, point: Floats, work: Floats) -> None:
+    """Write the present gap of one point of each pair; turns count to the first order."""
+    for i in range(LANES):
+        ax, ay, az = point[ARM + X + i], point[ARM + Y + i], point[ARM + Z + i]
+        bx = ax - block[FIRST_WAY + X + i]
+        by = ay - block[FIRST_WAY + Y + i]
+        bz = az - block[FIRST_WAY + Z + i]
+        px, py, pz = cross(work[AW + X + i], work[AW + Y + i], work[AW + Z + i], ax, ay, az)
+        qx, qy, qz = cross(work[BW + X + i], work[BW + Y + i], work[BW + Z + i], bx, by, bz)
+        ox = 2.0 * block[HALF + X + i] + (qx - px)
+        oy = 2.0 * block[HALF + Y + i] + (qy - py)
+        oz = 2.0 * block[HALF + Z + i] + (qz - pz)
+        point[GAP + i] = point[FIRST_GAP + i] + (
+            (ox * block[N + X + i] + oy * block[N + Y + i]) + oz * block[N + Z + i]
+        )
 
 
 @compiled
-def set_aside(pairs: Floats, ends: Integers, active: int) -> None:
-    """Let the points of an impact begin without impulses."""
-    for n in range(active):
-        number = ends[n, ACTIVE]
-        for p in range(ends[number, POINTS]):
-            at = POINT + p * POINT_COLUMNS
-            if pairs[number, at + BOUNCE] >= 0.0:
-                pairs[number, at + HIT] = 0.0
-                for k in range(3):
-                    pairs[number, at + IMPULSE_T + k] = 0.0
+def aim(
+    blocks: Floats, lanes: Integers, count: int, time: float, slop: float, pushing: bool
+) -> None:
+    """
+    Write the TARGET of every point.
+
+    At least -gap/time where there is a gap. Where there is overlap, a velocity that takes it away
+    if `pushing`, else 0; and what may hit in the next sub-step is then left to it.
+    """
+    per_time = 1.0 / time
+    rate = min(PUSH_OUT, 0.2 * per_time) if pushing else 0.0
+    for k in range(count):
+        block, lane = blocks[k], lanes[k]
+        lane[SETTLED] = 0
+        for p in range(lane[COUNT]):
+            start = POINT + p * POINT_SIZE
+            point = block[start : start + POINT_SIZE]
+            for i in range(LANES):
+                gap = point[GAP + i]
+                out = max(min(-(rate * (gap + slop)), FASTEST_PUSH), 0.0)
+                reach = -(gap * per_time)
+                if not pushing and point[JN + i] == 0.0:
+                    reach = ANYTHING
+                point[TARGET + i] = reach if gap > 0.0 else out
 
 
 @compiled
-def note_impacts(pairs: Floats, ends: Integers, active: int, marks: Integers) -> None:
-    """Add the impulse of the impact to TOTAL; the points that were hit start their support anew."""
-    for n in range(active):
-        number = ends[n, ACTIVE]
-        for p in range(ends[number, POINTS]):
-            at = POINT + p * POINT_COLUMNS
-            if pairs[number, at + BOUNCE] >= 0.0:
-                for k in range(3):
-                    hit = pairs[number, at + HIT] * pairs[number, NORMAL + k]
-                    pairs[number, at + TOTAL + k] += hit + pairs[number, at + IMPULSE_T + k]
-                    pairs[number, at + IMPULSE_T + k] = 0.0
-                if pairs[number, at + HIT] > 0.0:
-                    marks[ends[n, ACTIVE + 1], TOUCHED] = 1
-                    marks[ends[n, ACTIVE + 2], TOUCHED] = 1
+def find_hits(
+    blocks: Floats,
+    lanes: Integers,
+    bodies: Floats,
+    work: Floats,
+    count: int,
+    time: float,
+    slop: float,
+    threshold: float,
+    restitution: float,
+) -> int:
+    """
+    Mark the pairs of which a point hits in this sub-step; return how many there are.
+
+    Of these the points that touch take part, with BOUNCE. A point that carries already does
+    not hit: what its normal velocity lacks to zero is the error of an unfinished solution, and
+    given back with restitution it would keep a stack trembling.
+    """
+    found = 0
+    for k in range(count):
+        block, lane = blocks[k], lanes[k]
+        fastest = 0.0
+        for i in range(LANES):
+            block[HITS + i] = 0.0
+            speed = bodies[lane[BODY_A + i], FASTEST] + bodies[lane[BODY_B + i], FASTEST]
+            fastest = max(fastest, speed)
+        if fastest <= threshold:
+            continue
+        take(bodies, lane, V, work)
+        for p in range(lane[COUNT]):
+            start = POINT + p * POINT_SIZE
+            find_hit(
+                block,
+                block[start : start + POINT_SIZE],
+                work,
+                time,
+                slop,
+                threshold,
+                restitution,
+            )
+        hits = 0
+        for i in range(LANES):
+            hits += block[HITS + i] > 0.0
+        found += hits
+    return found
 
 
 @compiled
-def note_touched(marks: Integers, pairs: Floats, ends: Integers, active: int) -> None:
-    """Mark the cubes that an impulse has moved, even if the relaxation takes it back."""
-    for n in range(active):
-        number = ends[n, ACTIVE]
-        for p in range(ends[number, POINTS]):
-            if pairs[number, POINT + p * POINT_COLUMNS + IMPULSE_N] > 0.0:
-                marks[ends[n, ACTIVE + 1], TOUCHED] = 1
-                marks[ends[n, ACTIVE + 2], TOUCHED] = 1
+def find_hit(
+    block: Floats,
+    point: Floats,
+    work: Floats,
+    time: float,
+    slop: float,
+    threshold: float,
+    restitution: float,
+) -> None:
+    """Do so for one point of each pair."""
+    for i in range(LANES):
+        ax = point[ARM + X + i] + block[HALF + X + i]
+        ay = point[ARM + Y + i] + block[HALF + Y + i]
+        az = point[ARM + Z + i] + block[HALF + Z + i]
+        bx = ax - block[WAY + X + i]
+        by = ay - block[WAY + Y + i]
+        bz = az - block[WAY + Z + i]
+        px, py, pz = cross(work[AW + X + i], work[AW + Y + i], work[AW + Z + i], ax, ay, az)
+        qx, qy, qz = cross(work[BW + X + i], work[BW + Y + i], work[BW + Z + i], bx, by, bz)
+        ux = (work[BV + X + i] - work[AV + X + i]) + (qx - px)
+        uy = (work[BV + Y + i] - work[AV + Y + i]) + (qy - py)
+        uz = (work[BV + Z + i] - work[AV + Z + i]) + (qz - pz)
+        un = (ux * block[N + X + i] + uy * block[N + Y + i]) + uz * block[N + Z + i]
+        gap = point[GAP + i]
+        carries = point[JN + i] > 0.0
+        hits = (un < -threshold) & (gap + time * un <= 0.0) & (not carries)
+        held = carries | ((un < threshold) & (gap <= slop))
+        bounce = -(restitution * un) if hits else (0.0 if held else -1.0)
+        point[BOUNCE + i] = bounce
+        block[HITS + i] = max(block[HITS + i], -un) if hits else block[HITS + i]
 
 
 @compiled
-def add_up(pairs: Floats, ends: Integers, active: int) -> None:
+def add_up(blocks: Floats, lanes: Integers, count: int) -> None:
     """Add the impulses of a sub-step to the totals of the step."""
-    for n in range(active):
-        number = ends[n, ACTIVE]
-        for p in range(ends[number, POINTS]):
-            at = POINT + p * POINT_COLUMNS
-            push = pairs[number, at + IMPULSE_N]
-            if push > 0.0:
-                for k in range(3):
-                    pairs[number, at + TOTAL + k] += (
-                        push * pairs[number, NORMAL + k] + pairs[number, at + IMPULSE_T + k]
-                    )
+    for k in range(count):
+        block = blocks[k]
+        for p in range(lanes[k, COUNT]):
+            start = POINT + p * POINT_SIZE
+            point = block[start : start + POINT_SIZE]
+            for i in range(LANES):
+                jn = point[JN + i]
+                for c in range(0, 3 * LANES, LANES):
+                    point[TOTAL + c + i] += jn * block[N + c + i] + point[JT + c + i]

@@ -8,34 +8,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cube_sim.physics.compiled import compiled
+from cube_sim.physics.contact.blocks import (
+    colour_pairs,
+    fill_blocks,
+    lay_out,
+    note_touched,
+    read_back,
+    take_up_bodies,
+)
+from cube_sim.physics.contact.impacts import solve_impacts
 from cube_sim.physics.contact.layout import (
-    ACTIVE,
     ACTIVES,
-    ASLEEP,
-    FORCE,
-    GROUPED,
-    IMPULSE_N,
-    LOCAL_A,
-    POINT,
-    POINT_COLUMNS,
-    POINTS,
-    PUSH,
+    BLOCKS,
+    BODIES,
+    CUBE,
+    FASTEST,
+    IMPACTS,
     SHIFT,
-    SOLVED,
-    SV,
-    SW,
-    TOTAL,
+    SWEEPS,
     TOUCHED,
     TURN,
+    V,
+    W,
 )
+from cube_sim.physics.contact.neighbours import DIAGONAL
 from cube_sim.physics.contact.rules import Rules
 from cube_sim.physics.contact.solver import (
-    PUSHING,
-    RELAXING,
-    WARM,
+    SLOP,
     add_up,
-    impacts,
-    note_touched,
+    aim,
+    find_hits,
+    move_along,
+    start_from_last,
     sweep,
 )
 from cube_sim.physics.rotation import composed, rotor
@@ -57,76 +61,133 @@ def step_in_common(
     marks: Integers,
     pairs: Floats,
     ends: Integers,
+    bodies: Floats,
+    blocks: Floats,
+    lanes: Integers,
+    work: Floats,
     counters: Integers,
     rules: Rules,
     count: int,
     substeps: int,
     ground: int,
+    last_time: float,
 ) -> None:
     """
     Advance the grouped cubes by a step of `substeps` parts.
 
     A part: impacts; gravity; the impulses of the last part; velocities that keep cubes apart and
-    push them apart where they overlap; places; velocities again without the pushing.
+    push them apart where they overlap; places; velocities again without the pushing. `last_time`
+    is the length of a part of the last step, s.
     """
     time = rules.time_step / substeps
-    active = counters[ACTIVES]
+    take_up_bodies(state, marks, bodies, counters, count)
+    colour_pairs(marks, ends, counters)
+    lay_out(ends, lanes, counters)
+    scale = time / last_time
+    fill_blocks(cubes, marks, pairs, ends, blocks, lanes, counters, rules, ground, scale)
+    count = counters[BLOCKS]
+
     # Small groups are solved out, large ones as far as the time allows: sweeps are rationed.
-    most = max(FEWEST_SWEEPS, min(MOST_SWEEPS, VISITS // max(active, 1)))
+    most = max(FEWEST_SWEEPS, min(MOST_SWEEPS, VISITS // max(counters[ACTIVES], 1)))
     enough = ENOUGH * rules.gravity * time
-    for _ in range(substeps):
-        counters[SOLVED] += impacts(cubes, marks, pairs, ends, active, rules, count, time)
-        for i in range(count):
-            if marks[i, GROUPED] and not marks[i, ASLEEP]:
-                cubes[i, SV] += rules.gx * time
-                cubes[i, SV + 1] += rules.gy * time
-                cubes[i, SV + 2] += rules.gz * time
-        sweep(cubes, pairs, ends, active, rules, time, WARM, False)
-        for n in range(most):
-            change = sweep(cubes, pairs, ends, active, rules, time, PUSHING, n % 2 == 1)
-            counters[SOLVED] += 1
-            if change <= enough:
-                break
-        note_touched(marks, pairs, ends, active)
-        for i in range(count):
-            if marks[i, GROUPED] and not marks[i, ASLEEP]:
-                for n in range(3):
-                    cubes[i, SHIFT + n] += cubes[i, SV + n] * time
-                    cubes[i, TURN + n] += cubes[i, SW + n] * time
-        for n in range(most):
-            change = sweep(cubes, pairs, ends, active, rules, time, RELAXING, n % 2 == 0)
-            counters[SOLVED] += 1
-            if change <= enough:
-                break
-        note_touched(marks, pairs, ends, active)
-        add_up(pairs, ends, active)
+    slop = SLOP * 2.0 * rules.half_side
+    # Nor does a point hit with a speed that gravity gives in two steps.
+    threshold = rules.threshold + 2.0 * rules.gravity * rules.time_step
+    move_along(blocks, lanes, bodies, work, count)
+    hits = 0
+    for part in range(substeps):
+        if part == 0 or hits > 0:
+            note_fastest(bodies, counters, rules)
+        hits = find_hits(
+            blocks, lanes, bodies, work, count, time, slop, threshold, rules.restitution
+        )
+        if hits > 0:
+            counters[IMPACTS] += hits
+            counters[SWEEPS] += solve_impacts(
+                cubes, marks, ends, bodies, blocks, lanes, work, counters, rules
+            )
+        fall(bodies, counters, rules, time)
+        start_from_last(blocks, lanes, bodies, work, count)
+        aim(blocks, lanes, count, time, slop, True)
+        counters[SWEEPS] += solve(blocks, lanes, bodies, work, count, most, enough, 0)
+        advance_bodies(bodies, counters, time)
+        move_along(blocks, lanes, bodies, work, count)
+        aim(blocks, lanes, count, time, slop, False)
+        counters[SWEEPS] += solve(blocks, lanes, bodies, work, count, most, enough, 1)
+        add_up(blocks, lanes, count)
+    note_touched(blocks, lanes, bodies, 0, count)
+    put_down(state, bodies, counters, rules)
+    read_back(cubes, pairs, ends, blocks, lanes, counters, ground, time)
+
+
+@compiled
+def solve(
+    blocks: Floats,
+    lanes: Integers,
+    bodies: Floats,
+    work: Floats,
+    count: int,
+    most: int,
+    enough: float,
+    direction: int,
+) -> int:
+    """Sweep to and fro until no impulse changes by more than `enough`; return how often."""
+    for n in range(most):
+        backward = (n + direction) % 2 == 1
+        if sweep(blocks, lanes, bodies, work, 0, count, backward, enough, True) == 0:
+            return n + 1
+    return most
+
+
+@compiled
+def note_fastest(bodies: Floats, counters: Integers, rules: Rules) -> None:
+    """Write a bound of how fast any point of each body is in this step if nothing hits it."""
+    reach = rules.half_side * DIAGONAL
+    for n in range(1, counters[BODIES]):
+        body = bodies[n]
+        speed = (abs(body[V]) + abs(body[V + 1])) + abs(body[V + 2])
+        spin = (abs(body[W]) + abs(body[W + 1])) + abs(body[W + 2])
+        body[FASTEST] = speed + spin * reach + 0.5 * rules.gravity * rules.time_step
+
+
+@compiled
+def fall(bodies: Floats, counters: Integers, rules: Rules, time: float) -> None:
+    """Let gravity act for a time, s."""
+    for n in range(1, counters[BODIES]):
+        bodies[n, V] += rules.gx * time
+        bodies[n, V + 1] += rules.gy * time
+        bodies[n, V + 2] += rules.gz * time
+
+
+@compiled
+def advance_bodies(bodies: Floats, counters: Integers, time: float) -> None:
+    """Let the bodies go with their velocities for a time, s."""
+    for n in range(1, counters[BODIES]):
+        for k in range(3):
+            bodies[n, SHIFT + k] += bodies[n, V + k] * time
+            bodies[n, TURN + k] += bodies[n, W + k] * time
+
+
+@compiled
+def put_down(state: Floats, bodies: Floats, counters: Integers, rules: Rules) -> None:
+    """Write the bodies back to the state of their cubes."""
     whole = rules.time_step
-    for i in range(count):
-        if marks[i, GROUPED] and not marks[i, ASLEEP]:
-            # What nothing has touched flies its parabola.
-            if not marks[i, TOUCHED]:
-                cubes[i, SHIFT] = whole * (cubes[i, SV] - 0.5 * whole * rules.gx)
-                cubes[i, SHIFT + 1] = whole * (cubes[i, SV + 1] - 0.5 * whole * rules.gy)
-                cubes[i, SHIFT + 2] = whole * (cubes[i, SV + 2] - 0.5 * whole * rules.gz)
-            for n in range(3):
-                state[n, i] += cubes[i, SHIFT + n]
-                state[7 + n, i] = cubes[i, SV + n]
-                state[10 + n, i] = cubes[i, SW + n]
-            x, y, z, w = rotor(cubes[i, TURN], cubes[i, TURN + 1], cubes[i, TURN + 2], 1.0)
-            x, y, z, w = composed(x, y, z, w, state[3, i], state[4, i], state[5, i], state[6, i])
-            scale = 1.0 / math.sqrt((x * x + y * y) + (z * z + w * w))
-            state[3, i] = x * scale
-            state[4, i] = y * scale
-            state[5, i] = z * scale
-            state[6, i] = w * scale
-    for n in range(active):
-        if ends[n, ACTIVE + 1] == ground:
-            number, i = ends[n, ACTIVE], ends[n, ACTIVE + 2]
-            for p in range(ends[number, POINTS]):
-                at = POINT + p * POINT_COLUMNS
-                k = int(pairs[number, at + LOCAL_A])
-                cubes[i, FORCE + 3 * k] = pairs[number, at + IMPULSE_N + 1] / time
-                cubes[i, FORCE + 3 * k + 1] = pairs[number, at + IMPULSE_N + 2] / time
-                cubes[i, FORCE + 3 * k + 2] = pairs[number, at + IMPULSE_N] / time
-                for m in range(3):
-                    cubes[i, PUSH + 3 * k + m] = pairs[number, at + TOTAL + m]
+    for n in range(1, counters[BODIES]):
+        body = bodies[n]
+        i = int(body[CUBE])
+        # What nothing has touched flies its parabola.
+        if body[TOUCHED] == 0.0:
+            body[SHIFT] = whole * (body[V] - 0.5 * whole * rules.gx)
+            body[SHIFT + 1] = whole * (body[V + 1] - 0.5 * whole * rules.gy)
+            body[SHIFT + 2] = whole * (body[V + 2] - 0.5 * whole * rules.gz)
+        for k in range(3):
+            state[k, i] += body[SHIFT + k]
+            state[7 + k, i] = body[V + k]
+            state[10 + k, i] = body[W + k]
+        x, y, z, w = rotor(body[TURN], body[TURN + 1], body[TURN + 2], 1.0)
+        x, y, z, w = composed(x, y, z, w, state[3, i], state[4, i], state[5, i], state[6, i])
+        scale = 1.0 / math.sqrt((x * x + y * y) + (z * z + w * w))
+        state[3, i] = x * scale
+        state[4, i] = y * scale
+        state[5, i] = z * scale
+        state[6, i] = w * scale
