@@ -59,7 +59,7 @@ CONTACT = Entry(
     'cube_sim_contact',
     'cube_sim.physics.contact.advance:entry',
     (
-        *('state', 'numbers', 'counters', 'cubes', 'marks', 'pairs', 'ends'),
+        *('state', 'numbers', 'counters', 'cubes', 'marks', 'pairs', 'due', 'ends'),
         *('bodies', 'blocks', 'lanes', 'work', 'sites', 'scratch'),
     ),
     ('capacity', 'pair_capacity', 'block_capacity', 'site_capacity', 'count', 'steps'),
@@ -159,7 +159,8 @@ def intermediate_code(entry: Entry = STEP) -> str:
     code = compiled.inspect_llvm().replace(compiled.native_name.removeprefix('cfunc.'), inner)
     # The C library's root is as exact as the processor's, but it is a call.
     code = code.replace('@sqrt(', '@llvm.sqrt.f64(')
-    # All memory is the caller's, none is numba's: there is never any to give back.
+    # All memory is the caller's, none is numba's: nothing to count, and never any to give back.
+    code = re.sub(r'^ *(tail )?call void @NRT_(inc|dec)ref\(.*\n', '', code, flags=re.MULTILINE)
     own = {
         'double @llvm.sqrt.f64': 'declare double @llvm.sqrt.f64(double)',
         'void @NRT_MemInfo_call_dtor': 'define void @NRT_MemInfo_call_dtor(ptr %0) { ret void }',
@@ -170,10 +171,11 @@ def intermediate_code(entry: Entry = STEP) -> str:
     for function in module.functions:
         if not function.is_declaration and function.name != entry.symbol:
             function.linkage = 'internal'
-    passes = llvm.create_new_module_pass_manager()
-    passes.add_global_dead_code_eliminate_pass()
-    options = llvm.create_pipeline_tuning_options(speed_level=0)
-    passes.run(module, llvm.create_pass_builder(_target_machine(), options))
+    # Only now that nothing else can call them does LLVM know what its functions are called with.
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.slp_vectorization = True
+    builder = llvm.create_pass_builder(_target_machine(), options)
+    builder.getModulePassManager().run(module, builder)
     outside = [
         function.name
         for function in module.functions
@@ -208,7 +210,13 @@ def _compile_elsewhere(entry: Entry, path: Path) -> None:
     sys.stderr.write('cube_sim: compiling the physics for this machine, once ...\n')
     done = subprocess.run(
         [sys.executable, '-m', 'cube_sim.physics.machine_code', entry.name, str(path)],
-        env={**os.environ, COMPILING: '1', 'PYTHONPATH': os.pathsep.join(sys.path)},
+        # numba need not optimise: that is done once all functions are known (intermediate_code).
+        env={
+            **os.environ,
+            COMPILING: '1',
+            'NUMBA_OPT': '0',
+            'PYTHONPATH': os.pathsep.join(sys.path),
+        },
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

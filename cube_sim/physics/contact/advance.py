@@ -91,6 +91,7 @@ def advance(
     cubes: Floats,
     marks: Integers,
     pairs: Floats,
+    due: Floats,
     ends: Integers,
     bodies: Floats,
     blocks: Floats,
@@ -162,7 +163,7 @@ def advance(
                     )
                 if part > 0:
                     note_motion(state, cubes, marks, rules.half_side, count)
-                collide(cubes, marks, pairs, ends, counters, scratch, rules, count)
+                collide(cubes, marks, pairs, due, ends, counters, scratch, rules, count)
                 if counters[ACTIVES] > 0:
                     substeps = min(int(rules.time_step / SUBSTEP) + 1, MOST_SUBSTEPS)
                     time = rules.time_step / substeps
@@ -244,6 +245,7 @@ def entry(types: Any, carray: Any) -> tuple[Any, Any]:
         cubes,
         marks,
         pairs,
+        due,
         ends,
         bodies,
         blocks,
@@ -265,6 +267,7 @@ def entry(types: Any, carray: Any) -> tuple[Any, Any]:
             carray(cubes, (capacity + 1, cube_columns)),
             carray(marks, (capacity + 1, mark_columns)),
             carray(pairs, (pair_capacity + capacity, pair_columns)),
+            carray(due, pair_capacity + capacity),
             carray(ends, (pair_capacity + capacity, end_columns)),
             carray(bodies, (capacity + 1, body_columns)),
             carray(blocks, (block_capacity, block_size)),
@@ -278,7 +281,7 @@ def entry(types: Any, carray: Any) -> tuple[Any, Any]:
         )
 
     arrays = (
-        *(floats, floats, integers, floats, integers, floats, integers),
+        *(floats, floats, integers, floats, integers, floats, floats, integers),
         *(floats, floats, integers, floats, integers, floats),
     )
     return integer(*arrays, *[integer] * 6), call

@@ -16,8 +16,6 @@ from cube_sim.physics.contact.layout import (
     AT_REST,
     AXIS,
     BUILT,
-    BUILT_AT,
-    CLEAR,
     FORCE,
     GONE,
     GROUPED,
@@ -102,6 +100,7 @@ def collide(
     cubes: Floats,
     marks: Integers,
     pairs: Floats,
+    due: Floats,
     ends: Integers,
     counters: Integers,
     scratch: Floats,
@@ -116,7 +115,6 @@ def collide(
     side = 2.0 * half_side
     # What a pair may come nearer in the step beside its velocity, and shall be seen beforehand.
     slack = MARGIN * side + rules.gravity * rules.time_step * rules.time_step
-    unchanged = UNCHANGED * half_side
     for i in range(count):
         marks[i, GROUPED] = 0
     # A touch wakes an island, whose own pairs then count: again, until no one wakes.
@@ -133,17 +131,29 @@ def collide(
                 known = ends[row, SEEN] >= 0
                 ends[row, SEEN] = phase
                 gone = cubes[a, GONE] + cubes[b, GONE]
-                if ends[row, POINTS] > 0 and gone - pairs[row, BUILT_AT] < unchanged:
+                if ends[row, POINTS] > 0 and gone < due[row]:
                     # They have hardly moved: the points stay where they are on the cubes.
                     take_up(cubes, marks, a, phase)
                     take_up(cubes, marks, b, phase)
                 else:
                     fastest = (cubes[a, SPEED] + cubes[a, RIM]) + (cubes[b, SPEED] + cubes[b, RIM])
                     far = known and ends[row, POINTS] == 0
-                    if far and pairs[row, CLEAR] - gone > slack + fastest * rules.time_step:
+                    if far and due[row] - gone > slack + fastest * rules.time_step:
                         continue
                     ends[row, POINTS] = find_points(
-                        cubes, marks, pairs, ends, scratch, rules, a, b, row, gone, slack, phase
+                        cubes,
+                        marks,
+                        pairs,
+                        due,
+                        ends,
+                        scratch,
+                        rules,
+                        a,
+                        b,
+                        row,
+                        gone,
+                        slack,
+                        phase,
                     )
             if ends[row, POINTS] == 0:
                 continue
@@ -166,6 +176,7 @@ def find_points(
     cubes: Floats,
     marks: Integers,
     pairs: Floats,
+    due: Floats,
     ends: Integers,
     scratch: Floats,
     rules: Rules,
@@ -184,17 +195,18 @@ def find_points(
     square = (x * x + y * y) + z * z
     reach = DIAGONAL * 2.0 * rules.half_side
     if square > (reach + margin) * (reach + margin):
-        pairs[row, CLEAR] = gone + (math.sqrt(square) - reach)
+        due[row] = gone + (math.sqrt(square) - reach)
         return 0
     take_up(cubes, marks, a, phase)
     take_up(cubes, marks, b, phase)
-    return touch(cubes, pairs, ends, scratch, a, b, row, rules.half_side, margin, gone)
+    return touch(cubes, pairs, due, ends, scratch, a, b, row, rules.half_side, margin, gone)
 
 
 @compiled
 def touch(
     cubes: Floats,
     pairs: Floats,
+    due: Floats,
     ends: Integers,
     scratch: Floats,
     a: int,
@@ -213,11 +225,12 @@ def touch(
         scale = 1.0 if n < 9 else 1.0 / half_side
         moved = max(moved, abs(place[n] - row[BUILT + n]) * scale)
     if moved < UNCHANGED:
+        due[number] = gone + (UNCHANGED - moved) * half_side
         return points
     habit = ends[number, AXIS] if points > 0 else NO_AXIS
     axis, gap = widest_axis(place, half_side, margin, habit)
     if axis == NO_AXIS:
-        row[CLEAR] = gone + gap
+        due[number] = gone + gap
         return 0
     remember_points(row, points, scratch)
     last = points
@@ -227,7 +240,7 @@ def touch(
         points = edge_point(place, axis, half_side, row)
     recall_impulses(row, points, last, half_side, scratch)
     ends[number, AXIS] = axis
-    row[BUILT_AT] = gone
+    due[number] = gone + UNCHANGED * half_side
     for n in range(12):
         row[BUILT + n] = place[n]
     return points

@@ -32,6 +32,7 @@ class TouchingCubes:
         self._marks: Integers = np.zeros((1, layout.MARK_COLUMNS), np.int64)
         self._pair_capacity = 0
         self._pairs: Floats = np.zeros((0, layout.PAIR_COLUMNS))
+        self._due: Floats = np.zeros(0)
         self._ends: Integers = np.zeros((0, layout.END_COLUMNS), np.int64)
         self._bodies: Floats = np.zeros((1, layout.BODY_COLUMNS))
         self._blocks: Floats = np.zeros((0, layout.BLOCK_SIZE))
@@ -125,6 +126,7 @@ class TouchingCubes:
     def _reserve_pairs(self, pair_capacity: int) -> None:
         rows = pair_capacity + len(self._cubes) - 1
         self._pairs = _grown(self._pairs, rows)
+        self._due = _grown(self._due, rows)
         self._ends = _grown(self._ends, rows)
         self._pair_capacity = pair_capacity
         # What is not used of this memory is never touched.
@@ -143,6 +145,7 @@ class TouchingCubes:
             cubes=self._cubes.ctypes.data,
             marks=self._marks.ctypes.data,
             pairs=self._pairs.ctypes.data,
+            due=self._due.ctypes.data,
             pair_capacity=self._pair_capacity,
             ends=self._ends.ctypes.data,
             bodies=self._bodies.ctypes.data,

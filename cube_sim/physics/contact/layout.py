@@ -41,15 +41,15 @@ MARK_COLUMNS = 13
 # pairs
 LOCAL_NORMAL = 0  # 3: unit vector from the first cube to the second, in the axes of the first
 LEAST = 3  # the least gap of its points in the collision phase, m
-BUILT = 4  # 12: relative position and axes for which the points were found
-# With the distances that both cubes had GONE: the sum when the points were found, m; and where
-# there are none, the sum at which the cubes may meet at last, m.
-BUILT_AT, CLEAR = 16, 17
-PAIR_POINT = 18  # 4 points x PAIR_POINT_COLUMNS
+PAIR_POINT = 4  # 4 points x PAIR_POINT_COLUMNS
 LOCAL_A, LOCAL_B = 0, 3  # 3 each: the point on either cube in its axes, m; on the ground a corner
 KEPT_N, KEPT_T = 6, 7  # impulses to start from: normal; tangential (3, world), N s of a sub-step
 PAIR_POINT_COLUMNS = 10
-PAIR_COLUMNS = PAIR_POINT + 4 * PAIR_POINT_COLUMNS
+BUILT = PAIR_POINT + 4 * PAIR_POINT_COLUMNS  # 12: the relative place that the points are for
+PAIR_COLUMNS = BUILT + 12
+
+# due, by row of pairs: when to look at the pair again, as the sum of what its cubes have GONE, m.
+# With points: when these may no longer be right; without: when the cubes may meet at last.
 
 # ends: two lists of neighbours (first, second, row of pairs), ordered by (first, second) ...
 LIST_A, LIST_B = 0, 3
