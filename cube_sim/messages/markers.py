@@ -13,7 +13,7 @@ from cube_sim.messages.cdr import ENCAPSULATION, CdrWriter
 Floats = NDArray[np.float64]
 
 # From visualization_msgs/Marker.
-_CUBE, _TRIANGLE_LIST = 1, 11
+_CUBE, _LINE_LIST, _TRIANGLE_LIST = 1, 5, 11
 ADD, DELETE = 0, 2
 
 NAMESPACE = 'cubes'
@@ -163,6 +163,31 @@ def _write_rest(cdr: CdrWriter, points: Floats, colors: Floats) -> None:
     cdr.string('')  # mesh_file.filename
     cdr.uint32(0)  # mesh_file.data
     cdr.uint8(0)  # mesh_use_embedded_materials
+
+
+def contact_lines(
+    time_ns: int, frame_id: str, positions: Floats, normals: Floats, cube_size: float
+) -> bytes:
+    """
+    Lay out a visualization_msgs/Marker of type LINE_LIST: a line for each contact point.
+
+    `positions` (K, 3), m, in `frame_id`; `normals` (K, 3), unit vectors. Line k goes from point
+    2 k, where the cubes touch, half a `cube_size` (m) along the normal to point 2 k + 1. Without
+    contacts the marker is a DELETE, as RViz calls a list without points an error.
+    """
+    ends = positions + 0.5 * cube_size * normals
+    points = np.stack([positions, ends], axis=1).reshape(-1, 3)
+    cdr = CdrWriter()
+    cdr.header(time_ns, frame_id)
+    cdr.string('contacts')
+    cdr.int32(0)
+    cdr.int32(_LINE_LIST)
+    cdr.int32(ADD if len(points) else DELETE)
+    cdr.float64s(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    cdr.float64s(0.02 * cube_size, 0.0, 0.0)  # of a line only x counts, its width
+    cdr.float32s(1.0, 0.85, 0.1, 1.0)
+    _write_rest(cdr, points, np.empty((0, 4)))
+    return cdr.message()
 
 
 def triangle_list(

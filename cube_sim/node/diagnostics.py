@@ -55,7 +55,8 @@ def _simulation_status(
     elif overruns and factor < BEHIND * asked:
         level = DiagnosticStatus.WARN
         message = f'behind: {factor:.2f} of a real-time factor of {asked:g}'
-    settings = simulation.world.settings
+    world = simulation.world
+    settings = world.settings
     return _status(
         'simulation',
         level,
@@ -63,9 +64,13 @@ def _simulation_status(
         {
             'simulation time': f'{now.sim_ns / 1e9:.3f} s',
             'model': settings.model,
-            'cubes': len(simulation.world),
+            'cubes': len(world),
+            'awake': world.awake,
             'max_cubes': simulation.throwing.max_cubes,
-            'contacts': simulation.world.contacts,
+            'contacts': world.contacts,
+            'contact points': len(world.contact_points.positions),
+            # What the last step of the model took; only contact has such counters.
+            **{name.replace('_', ' '): count for name, count in world.counters.items()},
             'real-time factor': f'{factor:.3f}',
             'real-time factor asked for': f'{asked:g}' if asked else 'as fast as it can',
             'step cost': f'{physics_ns / 1e3 / steps:.2f} us' if steps else 'no steps',

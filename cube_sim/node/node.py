@@ -209,7 +209,11 @@ class SimNode(Node):
             directory = Path(self._bag_directory).expanduser()
         except RuntimeError as error:  # "~" of a user that is not there
             raise RecordingError(f'bag_directory is {self._bag_directory!r}: {error}') from None
-        specs = (*topics.PUBLISHED, *topics.SUBSCRIBED)
+        specs = [
+            spec
+            for spec in (*topics.PUBLISHED, *topics.SUBSCRIBED)
+            if spec.name != topics.CONTACTS  # to look at; they can be computed again
+        ]
         names = {spec.name: self.resolve_topic_name(spec.name) for spec in specs}
         recorder = Recorder(
             self._bag_path(directory),

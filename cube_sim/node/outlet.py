@@ -7,7 +7,7 @@ from typing import Any
 from rclpy.publisher import Publisher
 
 from cube_sim.recording import Recorder
-from cube_sim.simulation.simulation import CLOCK, MARKERS
+from cube_sim.simulation.simulation import CLOCK, CONTACTS, MARKERS
 
 
 class NodeOutlet:
@@ -44,7 +44,7 @@ class NodeOutlet:
         """Say whether anyone takes `topic` now."""
         if topic == CLOCK and not self._publish_clock:
             return False
-        if self._recorder is not None and (topic != MARKERS or self.record_markers):
+        if self._recorded(topic):
             return True
         return bool(self.publishers[topic].get_subscription_count() > 0)
 
@@ -55,5 +55,11 @@ class NodeOutlet:
 
     def record(self, topic: str, time_ns: int, message: bytes) -> None:
         """Record a message that others have published."""
-        if self._recorder is not None and (topic != MARKERS or self.record_markers):
+        if self._recorder is not None and self._recorded(topic):
             self._recorder.write(self._recorded_names[topic], time_ns, message)
+
+    def _recorded(self, topic: str) -> bool:
+        """Say whether a bag takes `topic` now: contacts never, markers on wish."""
+        if self._recorder is None or topic == CONTACTS:
+            return False
+        return topic != MARKERS or self.record_markers

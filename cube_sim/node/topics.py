@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from cube_sim.recording import Topic
 from cube_sim.simulation import simulation
 
-DIAGNOSTICS = '/diagnostics'
+DIAGNOSTICS, CONTACTS = '/diagnostics', simulation.CONTACTS
 CAMERA_SET_POSE, CAMERA_CMD_VEL = '~/camera/set_pose', '~/camera/cmd_vel'
 
 # How many throws, settings and resets whoever comes late can still get.
@@ -73,6 +73,7 @@ PUBLISHED: tuple[TopicSpec, ...] = (
     TopicSpec(simulation.RESETS, Header, 'one for each reset', True, True, DEEP),
     TopicSpec(simulation.POSES, PoseArray, 'every cube, in throw order'),
     TopicSpec(simulation.MARKERS, MarkerArray, 'a CUBE for each, id = index'),
+    TopicSpec(simulation.CONTACTS, Marker, 'contact points and normals, model contact'),
     TopicSpec(simulation.CLOCK, Clock, 'simulation time', False, False, 1),
     TopicSpec(DIAGNOSTICS, DiagnosticArray, 'how the run is going, 1 Hz of wall time'),
 )

@@ -26,7 +26,7 @@ from cube_sim.simulation.scenario import Entry, Place, Scenario, Set, Throw
 from cube_sim.simulation.throwing import Throwing
 
 # Topics by their private names, as the node resolves them.
-POSES, MARKERS, GROUND = '~/poses', '~/markers', '~/ground'
+POSES, MARKERS, GROUND, CONTACTS = '~/poses', '~/markers', '~/ground', '~/contacts'
 THROWS, SETTINGS, RESETS = '~/throws', '~/settings', '~/resets'
 CAMERA_POSE, CLOCK = '~/camera/pose', '/clock'
 
@@ -274,6 +274,8 @@ class Simulation:
             self._outlet.send(POSES, time_ns, message)
         if self._outlet.wants(MARKERS):
             self._publish_markers(time_ns)
+        if self._outlet.wants(CONTACTS):
+            self._publish_contacts(time_ns)
 
     def _publish_markers(self, time_ns: int) -> None:
         size = self._world.settings.cube_size
@@ -281,6 +283,14 @@ class Simulation:
         self._marked = len(self._world)
         message = markers.cube_markers(time_ns, self._frame_id, self._world.poses, size, removed)
         self._outlet.send(MARKERS, time_ns, message)
+
+    def _publish_contacts(self, time_ns: int) -> None:
+        points = self._world.contact_points
+        size = self._world.settings.cube_size
+        message = markers.contact_lines(
+            time_ns, self._frame_id, points.positions, points.normals, size
+        )
+        self._outlet.send(CONTACTS, time_ns, message)
 
     def _send_settings(self, *, new: bool) -> None:
         values = physics_parameters(self._world.settings)

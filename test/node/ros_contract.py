@@ -56,6 +56,7 @@ PUBLISHED = {
     **LATCHED,
     '/cube_sim/poses': Channel(PoseArray, 10),
     '/cube_sim/markers': Channel(MarkerArray, 10),
+    '/cube_sim/contacts': Channel(Marker, 10),
     '/clock': Channel(Clock, 1, reliable=False),
     '/diagnostics': Channel(DiagnosticArray),
 }

@@ -93,6 +93,7 @@ LAYOUTS = {
     'poses': (poses, 'pose_array'),
     'markers': (markers, 'cube_markers'),
     '/clock': (events, 'clock'),
+    'contacts': (markers, 'contact_lines'),
 }
 
 
@@ -118,7 +119,7 @@ def test_messages_for_nobody_are_not_built(ros, sim, built):
     ros.do('throw')
     for _ in range(5):
         ros.do('step')
-    assert built == {'poses': 0, 'markers': 0, '/clock': 0}
+    assert built == dict.fromkeys(LAYOUTS, 0)
 
 
 @pytest.mark.parametrize('topic', LAYOUTS)
@@ -146,13 +147,13 @@ def test_messages_are_built_for_a_recording_the_markers_on_wish(ros, sim, built)
     sim(start_paused=True, record=True)
     ros.do('throw')
     ros.do('step')
-    assert built == {'poses': 1, 'markers': 0, '/clock': 1}
+    assert built == {'poses': 1, 'markers': 0, '/clock': 1, 'contacts': 0}
     assert ros.set('record_markers', True).successful
     ros.do('step')
-    assert built == {'poses': 2, 'markers': 1, '/clock': 2}
+    assert built == {'poses': 2, 'markers': 1, '/clock': 2, 'contacts': 0}
     ros.do('record', False)
     ros.do('step')
-    assert built == {'poses': 2, 'markers': 1, '/clock': 2}
+    assert built == {'poses': 2, 'markers': 1, '/clock': 2, 'contacts': 0}
 
 
 def test_a_namespace_and_a_name_move_everything_that_is_private(ros, sim, tmp_path):

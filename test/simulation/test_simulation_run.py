@@ -437,3 +437,21 @@ def test_what_is_latched_is_what_was_sent_since_the_last_reset_oldest_first():
     throws = [data for _, data in outlet.of('~/throws')]
     assert [data for topic, data in events_since if topic == '~/settings'] == settings[-2:]
     assert [data for topic, data in events_since if topic == '~/throws'] == throws[-2:]
+
+
+def test_contacts_are_lines_from_the_points_of_a_resting_cube_along_the_normals():
+    # A cube dropped flat rests on its four lower corners: four lines of half a side, upwards.
+    simulation, outlet = make(settings=Settings(model='contact'))
+    simulation.place_camera((0.0, 0.0, 0.25), (0.0, 0.0, 0.0, 1.0))
+    simulation.throw(0.0, (0.0, 0.0, 0.0))
+    for _ in range(20):
+        simulation.advance()
+    marker = decoded(outlet.of('~/contacts')[-1][1], 'visualization_msgs/msg/Marker')
+    assert (marker.type, marker.action, len(marker.points)) == (5, 0, 8)
+    for start, end in zip(marker.points[::2], marker.points[1::2], strict=True):
+        assert (abs(start.x), abs(start.y)) == pytest.approx((0.25, 0.25), abs=1e-6)
+        assert (start.z, end.z - start.z) == pytest.approx((0.0, 0.25), abs=1e-6)
+    simulation.configure({'physics_model': 'simple'})
+    simulation.advance()
+    marker = decoded(outlet.of('~/contacts')[-1][1], 'visualization_msgs/msg/Marker')
+    assert (marker.action, len(marker.points)) == (2, 0)
