@@ -16,6 +16,9 @@ Function = TypeVar('Function', bound=Callable[..., object])
 # Set for the compiling process by `machine_code`.
 COMPILING = 'CUBE_SIM_COMPILING'
 
+# What LLVM is told of a function, by module.name.
+attributes: dict[str, str] = {}
+
 
 def compiled(function: Function) -> Function:
     """
@@ -29,3 +32,23 @@ def compiled(function: Function) -> Function:
     from numba import njit
 
     return cast(Function, njit(error_model='numpy')(function))
+
+
+def compiled_alone(function: Function) -> Function:
+    """
+    Mark `function` as `compiled` does, and keep it out of the functions that call it.
+
+    For short loops over many columns: LLVM makes vectors of them as long as it can tell the
+    columns apart, which it no longer can in a function as large as a whole step.
+    """
+    return _compiled_as('noinline', function)
+
+
+def compiled_inside(function: Function) -> Function:
+    """Mark `function` as `compiled` does, and make it part of each loop that calls it."""
+    return _compiled_as('alwaysinline', function)
+
+
+def _compiled_as(attribute: str, function: Function) -> Function:
+    attributes[f'{function.__module__}.{function.__name__}'] = attribute
+    return compiled(function)

@@ -25,7 +25,7 @@ from typing import Any
 import llvmlite
 import llvmlite.binding as llvm
 
-from cube_sim.physics.compiled import COMPILING
+from cube_sim.physics.compiled import COMPILING, attributes
 from cube_sim.physics.refusal import PhysicsError
 
 
@@ -168,9 +168,17 @@ def intermediate_code(entry: Entry = STEP) -> str:
     for name in own:
         code = re.sub(rf'^declare {re.escape(name)}\b.*\n', '', code, flags=re.MULTILINE)
     module = llvm.parse_assembly('\n'.join((code, *own.values(), _entry_code(entry, inner), '')))
+    # As numba begins the names of functions: each part with its length before it.
+    begins = {
+        ''.join(f'{len(part)}{part}' for part in name.split('.')) + 'B': attribute
+        for name, attribute in attributes.items()
+    }
     for function in module.functions:
         if not function.is_declaration and function.name != entry.symbol:
             function.linkage = 'internal'
+        for begin, attribute in begins.items():
+            if begin in function.name and not function.is_declaration:
+                function.add_function_attribute(attribute)
     # Only now that nothing else can call them does LLVM know what its functions are called with.
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = options.slp_vectorization = True

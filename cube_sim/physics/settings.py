@@ -11,7 +11,15 @@ from cube_sim.physics.constants import Constants
 from cube_sim.physics.models import model_named
 from cube_sim.physics.refusal import PhysicsError
 
-__all__ = ['PhysicsError', 'Quantity', 'Settings', 'checked_number', 'checked_vector', 'quantity']
+__all__ = [
+    'PhysicsError',
+    'Quantity',
+    'Settings',
+    'checked_number',
+    'checked_vector',
+    'checked_whole',
+    'quantity',
+]
 
 Vector = tuple[float, float, float]
 
@@ -76,6 +84,27 @@ class Settings:
         0.02, 'm/s', 0.0, 10.0, 'Impacts of the model contact slower than this do not bounce'
     )
     sleep: bool = switch(True, 'Whether the model contact stops computing cubes that lie still')
+    sleep_speed: float = quantity(
+        0.01, 'm/s', 0.0, 10.0, 'Touching cubes fall asleep once all are slower than this'
+    )
+    sleep_delay: float = quantity(
+        0.5, 's', 0.0, 3600.0, 'For how long they must have been slower than sleep_speed'
+    )
+    solver_substep: float = quantity(
+        0.0011,
+        's',
+        1e-4,
+        0.1,
+        'Longest sub-step in which cubes that touch are solved; above 0.002, stacks tremble',
+    )
+    solver_effort: float = quantity(
+        1.0,
+        '',
+        0.25,
+        100.0,
+        'Work on each sub-step: 4 times as many sweeps over what touches, up to 12 times more '
+        'for small groups; below 1, high stacks sway',
+    )
 
     def __post_init__(self) -> None:
         """Check every value; PhysicsError says which is wrong and what would be right."""
@@ -137,6 +166,14 @@ def checked_number(name: str, value: object, declared: Quantity) -> float:
     if not number or not declared.low <= value <= declared.high:  # type: ignore[operator]
         raise PhysicsError(f'{name} is {value!r}: a finite number {_range(declared)} is needed.')
     return float(value)  # type: ignore[arg-type]
+
+
+def checked_whole(name: str, value: object, declared: Quantity) -> int:
+    """Return `value` as an int when it is a whole number in its range, else raise PhysicsError."""
+    number = checked_number(name, value, declared)
+    if number != int(number):
+        raise PhysicsError(f'{name} is {value!r}: a whole number {_range(declared)} is needed.')
+    return int(number)
 
 
 def checked_vector(name: str, value: Any, declared: Quantity) -> Vector:

@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cube_sim.physics.refusal import PhysicsError
-from cube_sim.physics.settings import Quantity, checked_number, checked_vector, quantity
+from cube_sim.physics.settings import (
+    Quantity,
+    checked_number,
+    checked_vector,
+    checked_whole,
+    quantity,
+)
 
 Vector = tuple[float, float, float]
+
+# By the type of a field's default.
+CHECKS: dict[type, Callable[[str, Any, Quantity], Any]] = {
+    tuple: checked_vector,
+    float: checked_number,
+    int: checked_whole,
+}
 
 
 @dataclass(frozen=True)
@@ -35,8 +48,5 @@ class Throwing:
         for field in dataclasses.fields(self):
             declared: Quantity = field.metadata['quantity']
             value: Any = getattr(self, field.name)
-            check = checked_vector if isinstance(field.default, tuple) else checked_number
+            check = CHECKS[type(field.default)]
             object.__setattr__(self, field.name, check(field.name, value, declared))
-        if self.max_cubes != int(self.max_cubes):
-            raise PhysicsError(f'max_cubes is {self.max_cubes}: a whole number is needed.')
-        object.__setattr__(self, 'max_cubes', int(self.max_cubes))

@@ -87,6 +87,10 @@ PHYSICS = (
     'collide_cubes',
     'restitution_threshold',
     'sleep',
+    'sleep_speed',
+    'sleep_delay',
+    'solver_substep',
+    'solver_effort',
 )
 
 DEFAULTS = {
@@ -100,6 +104,10 @@ DEFAULTS = {
     'collide_cubes': True,
     'restitution_threshold': 0.02,
     'sleep': True,
+    'sleep_speed': 0.01,
+    'sleep_delay': 0.5,
+    'solver_substep': 0.0011,
+    'solver_effort': 1.0,
     'throw_speed': 8.0,
     'throw_spin': [1.0, 2.0, 3.0],
     'max_cubes': 1000,

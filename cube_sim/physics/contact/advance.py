@@ -36,15 +36,14 @@ from cube_sim.physics.contact.layout import (
 )
 from cube_sim.physics.contact.motion import closing, note_motion
 from cube_sim.physics.contact.neighbours import DIAGONAL, find_neighbours, list_holds
-from cube_sim.physics.contact.rules import Rules
+from cube_sim.physics.contact.rules import Rules, rules_of_part
 from cube_sim.physics.contact.sleep import put_to_sleep
 from cube_sim.physics.contact.substeps import step_in_common
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# The longest sub-step of a solution in common, s; with 4 ms a stack of ten does not stand.
-SUBSTEP, MOST_SUBSTEPS = 1.05e-3, 64
+MOST_SUBSTEPS = 1000
 # A step has more parts where a pair would come nearer than a share of a side in one.
 NEARER = 0.25
 MOST_PARTS = 256
@@ -109,20 +108,7 @@ def advance(
     Fewer when `pair_capacity` rows of `pairs` are too few for the next step, which then has not
     begun. The arrays are those of `layout`.
     """
-    whole = Rules(
-        numbers[0],
-        numbers[1],
-        numbers[2],
-        numbers[3],
-        numbers[4],
-        numbers[5],
-        numbers[6],
-        numbers[7],
-        numbers[8],
-        numbers[9],
-        numbers[10],
-        numbers[11],
-    )
+    whole = rules_of_part(numbers, 1)
     ground = len(marks) - 1
     cube = scratch[CUBE]
     for done in range(steps):
@@ -138,20 +124,7 @@ def advance(
         counters[SWEEPS] = 0
         counters[IMPACTS] = 0
         counters[ACTIVES] = 0
-        rules = Rules(
-            whole.time_step / parts,
-            whole.gx,
-            whole.gy,
-            whole.gz,
-            whole.gravity,
-            whole.half_side,
-            whole.inverse_inertia,
-            whole.restitution,
-            whole.friction,
-            whole.threshold,
-            whole.collide,
-            whole.sleep,
-        )
+        rules = rules_of_part(numbers, parts)
         for part in range(parts):
             counters[BLOCKS] = 0
             if whole.collide > 0.0:
@@ -165,7 +138,8 @@ def advance(
                     note_motion(state, cubes, marks, rules.half_side, count)
                 collide(cubes, marks, pairs, due, ends, counters, scratch, rules, count)
                 if counters[ACTIVES] > 0:
-                    substeps = min(int(rules.time_step / SUBSTEP) + 1, MOST_SUBSTEPS)
+                    ratio = rules.time_step / rules.substep
+                    substeps = min(int(ratio) + (int(ratio) < ratio), MOST_SUBSTEPS)
                     time = rules.time_step / substeps
                     last_time = scratch[MEMORY, 0] if scratch[MEMORY, 0] > 0.0 else time
                     scratch[MEMORY, 0] = time

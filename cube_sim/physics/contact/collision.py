@@ -20,6 +20,7 @@ from cube_sim.physics.contact.layout import (
     GONE,
     GROUPED,
     ISLAND,
+    KEPT_MEAN,
     KEPT_N,
     KEPT_T,
     LIST_A,
@@ -28,6 +29,7 @@ from cube_sim.physics.contact.layout import (
     LOCAL_B,
     LOCAL_NORMAL,
     MATRIX,
+    MEAN,
     ON_PLANE,
     PAIR_POINT,
     PAIR_POINT_COLUMNS,
@@ -315,6 +317,8 @@ def forget_plane(cubes: Floats, marks: Integers, i: int) -> None:
     for n in range(24):
         cubes[i, FORCE + n] = 0.0
         cubes[i, PUSH + n] = 0.0
+    for n in range(8):
+        cubes[i, MEAN + n] = 0.0
     marks[i, ON_PLANE] = 0
 
 
@@ -355,7 +359,9 @@ def collide_with_ground(
             active += 1
             for p in range(points):
                 at = PAIR_POINT + p * PAIR_POINT_COLUMNS
+                mean = MEAN + int(pairs[row, at + LOCAL_A])
                 corner = FORCE + 3 * int(pairs[row, at + LOCAL_A])
+                pairs[row, at + KEPT_MEAN] = cubes[i, mean] * last_time
                 pairs[row, at + KEPT_N] = cubes[i, corner + 2] * last_time
                 pairs[row, at + KEPT_T] = cubes[i, corner] * last_time
                 pairs[row, at + KEPT_T + 1] = cubes[i, corner + 1] * last_time

@@ -22,7 +22,8 @@ POSE = 56  # 7
 VELOCITY = 63  # 3: m/s
 MATRIX = 66  # 9: the rotation matrix by rows, in the collision phase
 ENERGY = 75  # 2: of the group of an impact, by its root, before and after, J
-CUBE_COLUMNS = 77
+MEAN = 77  # 8: the mean upright force of the plane at each corner of late, N
+CUBE_COLUMNS = 85
 
 # marks
 ASLEEP = 0
@@ -41,11 +42,13 @@ MARK_COLUMNS = 13
 # pairs
 LOCAL_NORMAL = 0  # 3: unit vector from the first cube to the second, in the axes of the first
 LEAST = 3  # the least gap of its points in the collision phase, m
-PAIR_POINT = 4  # 4 points x PAIR_POINT_COLUMNS
+MOST_POINTS = 8  # of a pair: as many corners has a square cut to another
+PAIR_POINT = 4  # MOST_POINTS x PAIR_POINT_COLUMNS
 LOCAL_A, LOCAL_B = 0, 3  # 3 each: the point on either cube in its axes, m; on the ground a corner
 KEPT_N, KEPT_T = 6, 7  # impulses to start from: normal; tangential (3, world), N s of a sub-step
-PAIR_POINT_COLUMNS = 10
-BUILT = PAIR_POINT + 4 * PAIR_POINT_COLUMNS  # 12: the relative place that the points are for
+KEPT_MEAN = 10  # the mean normal impulse of late, N s of a sub-step
+PAIR_POINT_COLUMNS = 11
+BUILT = PAIR_POINT + MOST_POINTS * PAIR_POINT_COLUMNS  # 12: the relative place of the points
 PAIR_COLUMNS = BUILT + 12
 
 # due, by row of pairs: when to look at the pair again, as the sum of what its cubes have GONE, m.
@@ -67,7 +70,9 @@ TOUCHED = 7  # whether it got an impulse in this step
 SHIFT, TURN = 8, 11  # displacement, m, and turn (a rotation vector) since the collision phase
 CUBE = 14  # its number
 BEFORE = 16  # 6: the velocities before an impact
-BODY_COLUMNS = 24
+PUSHED = 24  # 6: the velocities that take overlap away in this sub-step
+PUSHING = 30  # whether it has any
+BODY_COLUMNS = 32
 
 # blocks: eight pairs side by side that share no body, so that each operation is done for all.
 # A column is LANES numbers.
@@ -81,7 +86,7 @@ FRICTION = 13 * LANES
 ACTED = 14 * LANES  # sum of all normal impulses seen: above zero where the pair did anything
 FIRST_WAY = 15 * LANES  # 3: WAY in the collision phase, m
 HITS = 18 * LANES  # how fast a point of the pair hits in this sub-step, m/s; 0 where none does
-POINT = 19 * LANES  # 4 points x POINT_SIZE
+POINT = 19 * LANES  # MOST_POINTS x POINT_SIZE
 # of a point
 ARM = 0 * LANES  # 3: from the first centre to the point that both share, collision phase, m
 JN, JT = 3 * LANES, 4 * LANES  # normal impulse; tangential (3), N s of one sub-step
@@ -91,8 +96,9 @@ TARGET = 12 * LANES  # the normal velocity to reach at least, m/s
 GAP, FIRST_GAP = 13 * LANES, 14 * LANES  # now; in the collision phase, m; FAR: no point
 BOUNCE = 15 * LANES  # the normal velocity that an impact leaves, m/s; negative: takes no part
 TOTAL = 16 * LANES  # 3: impulse on the second body in this step, N s
-POINT_SIZE = 19 * LANES
-BLOCK_SIZE = POINT + 4 * POINT_SIZE
+JP = 19 * LANES  # normal impulse that takes overlap away, N s
+POINT_SIZE = 20 * LANES
+BLOCK_SIZE = POINT + MOST_POINTS * POINT_SIZE
 X, Y, Z = 0, LANES, 2 * LANES
 
 # lanes: the numbers of the pairs of a block
@@ -102,6 +108,7 @@ CUBE_A, CUBE_B = 3 * LANES, 4 * LANES
 SOURCE = 5 * LANES  # for a block of an impact: block * LANES + lane of the pair
 COUNT = 6 * LANES  # the most points of a pair of the block
 COLOUR, SETTLED, LENGTH = 6 * LANES + 1, 6 * LANES + 2, 6 * LANES + 3  # LENGTH: pairs in it
+DEEP = 6 * LANES + 4  # whether any of its points overlaps by more than the slop
 LANE_COLUMNS = 7 * LANES
 MOST_COLOURS = 62
 
@@ -114,7 +121,7 @@ PAIRS, FREES, WHICH, STALE, PHASE = 0, 1, 2, 3, 4
 CONTACTS, ACTIVES, ROWS_USED, REBUILDS = 5, 6, 7, 8
 PARTS, SWEEPS, IMPACTS, BLOCKS, BODIES = 9, 10, 11, 12, 13
 TALLY = 16  # pairs by KEY, and where their lanes begin
-COUNTERS = TALLY + 4 * MOST_COLOURS + 1
+COUNTERS = TALLY + MOST_POINTS * MOST_COLOURS + 1
 
 # The gap of a point that is not there, m.
 FAR = 1e100

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from cube_sim.physics.compiled import compiled
 from cube_sim.physics.contact.axes import FIRST_EDGE, IN_A, IN_B
 from cube_sim.physics.contact.layout import (
+    KEPT_MEAN,
     KEPT_N,
     LOCAL_A,
     LOCAL_B,
     LOCAL_NORMAL,
+    MOST_POINTS,
     PAIR_POINT,
     PAIR_POINT_COLUMNS,
 )
@@ -23,8 +25,11 @@ Floats = NDArray[np.float64]
 # Rows of the scratch: the polygon and its copy while it is cut, u v along the face and the
 # height above it; the points of the last step; those that are kept.
 POLYGON, COPY, LAST = 16, 17, 24
-# In half sides: a point this near to one of the last step takes over its impulses.
-SAME = 0.1
+# In half sides: a point this near to one of the last step takes over its impulses; corners of a
+# face this near to each other are one point.
+SAME, MERGED = 0.1, 0.01
+# How many impulses a point keeps: in a row of the scratch they stand behind its two places.
+KEPT = KEPT_MEAN - KEPT_N + 1
 
 
 @compiled
@@ -54,7 +59,7 @@ def face_points(
     place: Floats, axis: int, half_side: float, margin: float, row: Floats, scratch: Floats
 ) -> int:
     """
-    Write the points of a face contact to a row of `pairs` and return their number, up to 4.
+    Write the points of a face contact to a row of `pairs` and return their number, up to 8.
 
     The face of the reference cube that looks at the other; of the other the face that looks
     back, cut to the column above the first; its corners lower than `margin` are points. The one
@@ -95,14 +100,7 @@ def face_points(
     count = cut(copy, count, 0, -1.0, h, polygon)
     count = cut(polygon, count, 1, 1.0, h, copy)
     count = cut(copy, count, 1, -1.0, h, polygon)
-    kept = 0
-    for n in range(count):
-        if polygon[3 * n + 2] < margin:
-            for k in range(3):
-                polygon[3 * kept + k] = polygon[3 * n + k]
-            kept += 1
-    if kept > 4:
-        kept = four_of(polygon, kept, copy)
+    kept = low_corners(polygon, count, margin, MERGED * h)
 
     for k in range(3):
         row[LOCAL_NORMAL + k] = 0.0
@@ -132,36 +130,27 @@ def face_points(
 
 
 @compiled
-def four_of(polygon: Floats, count: int, copy: Floats) -> int:
-    """Keep the lowest point, the one farthest from it, and the farthest to either side: up to 4."""
-    lowest, first = 1e300, 0
-    for n in range(count):
-        if polygon[3 * n + 2] < lowest:
-            lowest, first = polygon[3 * n + 2], n
-    farthest, second = -1.0, 0
-    for n in range(count):
-        x = polygon[3 * n] - polygon[3 * first]
-        y = polygon[3 * n + 1] - polygon[3 * first + 1]
-        if x * x + y * y > farthest:
-            farthest, second = x * x + y * y, n
-    x = polygon[3 * second] - polygon[3 * first]
-    y = polygon[3 * second + 1] - polygon[3 * first + 1]
-    left, third, right, fourth = 0.0, -1, 0.0, -1
-    for n in range(count):
-        side = x * (polygon[3 * n + 1] - polygon[3 * first + 1]) - y * (
-            polygon[3 * n] - polygon[3 * first]
-        )
-        if side > left:
-            left, third = side, n
-        if side < right:
-            right, fourth = side, n
-    for n in range(3 * count):
-        copy[n] = polygon[n]
+def low_corners(polygon: Floats, count: int, margin: float, merged: float) -> int:
+    """
+    Keep the corners lower than `margin`, m, and return their number.
+
+    Of those within `merged`, m, of each other one is kept: two squares that are hardly turned
+    against each other cut every corner twice.
+    """
     kept = 0
     for n in range(count):
-        if n in (first, second, third, fourth):
+        if polygon[3 * n + 2] >= margin:
+            continue
+        alone = True
+        for m in range(kept):
+            x = polygon[3 * n] - polygon[3 * m]
+            y = polygon[3 * n + 1] - polygon[3 * m + 1]
+            if x * x + y * y < merged * merged:
+                alone = False
+                polygon[3 * m + 2] = min(polygon[3 * m + 2], polygon[3 * n + 2])
+        if alone and kept < MOST_POINTS:
             for k in range(3):
-                polygon[3 * kept + k] = copy[3 * n + k]
+                polygon[3 * kept + k] = polygon[3 * n + k]
             kept += 1
     return kept
 
@@ -212,32 +201,35 @@ def remember_points(row: Floats, count: int, scratch: Floats) -> None:
         at = PAIR_POINT + n * PAIR_POINT_COLUMNS
         for k in range(6):
             scratch[LAST + n, k] = row[at + LOCAL_A + k]
-        for k in range(4):
+        for k in range(KEPT):
             scratch[LAST + n, 6 + k] = row[at + KEPT_N + k]
-        scratch[LAST + n, 10] = 0.0  # not yet taken over
 
 
 @compiled
 def recall_impulses(row: Floats, count: int, last: int, half_side: float, scratch: Floats) -> None:
-    """Give each point the impulses of the one of the last step that lay where it lies."""
-    limit = (SAME * half_side) * (SAME * half_side)
+    """
+    Give the impulses of each point of the last step to the point that is nearest to it now.
+
+    To that all of them, for what is lost of a load makes a cube fall.
+    """
     for n in range(count):
         at = PAIR_POINT + n * PAIR_POINT_COLUMNS
-        for k in range(4):
+        for k in range(KEPT):
             row[at + KEPT_N + k] = 0.0
-        best, nearest = limit, -1
-        for m in range(last):
-            if scratch[LAST + m, 10] >= 0.0:
-                a = 0.0
-                b = 0.0
-                for k in range(3):
-                    d = row[at + LOCAL_A + k] - scratch[LAST + m, k]
-                    e = row[at + LOCAL_B + k] - scratch[LAST + m, 3 + k]
-                    a += d * d
-                    b += e * e
-                if min(a, b) < best:
-                    best, nearest = min(a, b), m
+    for m in range(last):
+        best, nearest = (SAME * half_side) * (SAME * half_side), -1
+        for n in range(count):
+            at = PAIR_POINT + n * PAIR_POINT_COLUMNS
+            a = 0.0
+            b = 0.0
+            for k in range(3):
+                d = row[at + LOCAL_A + k] - scratch[LAST + m, k]
+                e = row[at + LOCAL_B + k] - scratch[LAST + m, 3 + k]
+                a += d * d
+                b += e * e
+            if min(a, b) < best:
+                best, nearest = min(a, b), n
         if nearest >= 0:
-            scratch[LAST + nearest, 10] = -1.0
-            for k in range(4):
-                row[at + KEPT_N + k] = scratch[LAST + nearest, 6 + k]
+            at = PAIR_POINT + nearest * PAIR_POINT_COLUMNS
+            for k in range(KEPT):
+                row[at + KEPT_N + k] += scratch[LAST + m, 6 + k]

@@ -39,7 +39,7 @@ def contact_points(
     indices = [np.stack([which, np.full(len(which), -1)], axis=1)]
     used, owners = blocks[:block_count], lanes[:block_count]
     lane = np.arange(layout.LANES)
-    for p in range(4):
+    for p in range(layout.MOST_POINTS):
         columns = used[:, layout.POINT + p * layout.POINT_SIZE :]
         there = (lane < owners[:, layout.LENGTH, None]) & (p < owners[:, layout.COUNT, None])
         there &= _column(owners, layout.CUBE_A) != ground

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from cube_sim.physics.compiled import compiled
 from cube_sim.physics.settings import Settings
+
+# The least sweeps over what touches in a sub-step. With two, stacks of ten never come to rest.
+SWEEPS = 4
 
 
 class Rules(NamedTuple):
@@ -13,7 +20,8 @@ class Rules(NamedTuple):
 
     `gx/gy/gz` is the acceleration of gravity; `inverse_inertia` that of a cube of 1 kg;
     `threshold` the approach speed below which an impact is inelastic; `collide` and `sleep` are
-    1 or 0.
+    1 or 0; `substep` the longest part in which touching cubes are solved, `sweeps` the least
+    number of sweeps in one.
     """
 
     time_step: float
@@ -28,6 +36,10 @@ class Rules(NamedTuple):
     threshold: float
     collide: float
     sleep: float
+    sleep_speed: float
+    sleep_delay: float
+    substep: float
+    sweeps: float
 
 
 def rules_of(settings: Settings) -> Rules:
@@ -50,4 +62,31 @@ def rules_of(settings: Settings) -> Rules:
         + 1e-6 * settings.gravity * settings.time_step,
         collide=1.0 if settings.collide_cubes else 0.0,
         sleep=1.0 if settings.sleep else 0.0,
+        sleep_speed=settings.sleep_speed,
+        sleep_delay=settings.sleep_delay,
+        substep=settings.solver_substep,
+        sweeps=max(1.0, float(round(SWEEPS * settings.solver_effort))),
+    )
+
+
+@compiled
+def rules_of_part(numbers: NDArray[np.float64], parts: int) -> Rules:
+    """Return the rules `numbers` as they hold for one of so many parts of a step."""
+    return Rules(
+        numbers[0] / parts,
+        numbers[1],
+        numbers[2],
+        numbers[3],
+        numbers[4],
+        numbers[5],
+        numbers[6],
+        numbers[7],
+        numbers[8],
+        numbers[9],
+        numbers[10],
+        numbers[11],
+        numbers[12],
+        numbers[13],
+        numbers[14],
+        numbers[15],
     )

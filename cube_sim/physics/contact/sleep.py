@@ -24,10 +24,6 @@ from cube_sim.physics.contact.solver import SLOP
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# An island sleeps when all its cubes have been slower than this, m/s (for a corner on account
-# of the spin as well), for so long, s.
-SLEEP_SPEED, SLEEP_AFTER = 0.01, 0.5
-
 
 @compiled
 def put_to_sleep(
@@ -41,9 +37,14 @@ def put_to_sleep(
     count: int,
     ground: int,
 ) -> None:
-    """Count the still time of all cubes and put to sleep the islands whose time has come."""
+    """
+    Count the still time of all cubes and put to sleep the islands whose time has come.
+
+    An island sleeps when all its cubes have been slower than `rules.sleep_speed`, on account of
+    the spin as well, for `rules.sleep_delay`.
+    """
     tired = False
-    limit = SLEEP_SPEED * SLEEP_SPEED
+    limit = rules.sleep_speed * rules.sleep_speed
     for i in range(count):
         if marks[i, ASLEEP]:
             continue
@@ -55,7 +56,7 @@ def put_to_sleep(
         still = v + w * rules.half_side * rules.half_side <= limit
         if still and (marks[i, GROUPED] or marks[i, AT_REST]):
             cubes[i, STILL] += rules.time_step
-            tired = tired or cubes[i, STILL] >= SLEEP_AFTER
+            tired = tired or cubes[i, STILL] >= rules.sleep_delay
         else:
             cubes[i, STILL] = 0.0
     if not tired:
@@ -79,7 +80,7 @@ def put_to_sleep(
         if not marks[i, ASLEEP] and root(marks, ISLAND, i) != i:
             marks[i, ISLAND] = root(marks, ISLAND, i)
     for i in range(count):
-        if not marks[i, ASLEEP] and cubes[marks[i, ISLAND], STILL] >= SLEEP_AFTER:
+        if not marks[i, ASLEEP] and cubes[marks[i, ISLAND], STILL] >= rules.sleep_delay:
             marks[i, ASLEEP] = 1
             for n in range(7, 13):
                 state[n, i] = 0.0

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cube_sim.physics.compiled import compiled
+from cube_sim.physics.compiled import compiled, compiled_alone
 from cube_sim.physics.contact.layout import (
     ACTED,
     ARM,
@@ -22,6 +22,7 @@ from cube_sim.physics.contact.layout import (
     BOUNCE,
     COUNT,
     CROSS,
+    DEEP,
     FASTEST,
     FIRST_GAP,
     FIRST_WAY,
@@ -29,13 +30,9 @@ from cube_sim.physics.contact.layout import (
     GAP,
     HALF,
     HITS,
-    INERTIA_A,
-    INERTIA_B,
     JN,
     JT,
     LANES,
-    MASS_A,
-    MASS_B,
     MASS_N,
     MASS_T,
     POINT,
@@ -53,28 +50,25 @@ from cube_sim.physics.contact.layout import (
     Y,
     Z,
 )
+from cube_sim.physics.contact.relative_motion import (
+    AV,
+    AW,
+    BV,
+    BW,
+    apply_to_both,
+    arms_now,
+    cross,
+    parting,
+)
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# In sides: the overlap that is left alone. The rest goes with the rate PUSH_OUT, 1/s, no faster
-# than FASTEST_PUSH, m/s; the velocity of that is taken away again (relaxation). Ten times the
-# rate makes stacks tremble: what one sweep leaves of it feeds the next.
-SLOP, PUSH_OUT, FASTEST_PUSH = 4e-5, 15.0, 2.0
+# In sides: the overlap that is left alone, and the gap at which a point touches all the same.
+# Without it a load hangs between touching and not, and stacks sway.
+SLOP = 4e-5
 # A target that no velocity misses: the point is left alone.
 ANYTHING = -1e300
-
-# Columns of the work: linear and angular part of either body.
-AV, AW = WORK_A, WORK_A + 3 * LANES
-BV, BW = WORK_B, WORK_B + 3 * LANES
-
-
-@compiled
-def cross(
-    ax: float, ay: float, az: float, bx: float, by: float, bz: float
-) -> tuple[float, float, float]:
-    """Return the vector product a x b."""
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @compiled
@@ -89,17 +83,17 @@ def take(bodies: Floats, lane: Integers, first: int, work: Floats) -> None:
 
 
 @compiled
-def give(bodies: Floats, lane: Integers, work: Floats) -> None:
-    """Put the velocities back. What nothing moves gets the zeros that it gave."""
+def give(bodies: Floats, lane: Integers, first: int, work: Floats) -> None:
+    """Put the six columns back. What nothing moves gets the zeros that it gave."""
     for i in range(LANES):
         a = bodies[lane[BODY_A + i]]
         b = bodies[lane[BODY_B + i]]
         for n in range(6):
-            a[V + n] = work[WORK_A + n * LANES + i]
-            b[V + n] = work[WORK_B + n * LANES + i]
+            a[first + n] = work[WORK_A + n * LANES + i]
+            b[first + n] = work[WORK_B + n * LANES + i]
 
 
-@compiled
+@compiled_alone
 def visit(block: Floats, point: Floats, work: Floats, enough: float) -> int:
     """
     Give one point of each pair its law; return how many changed by more than `enough`, N s.
@@ -111,17 +105,8 @@ def visit(block: Floats, point: Floats, work: Floats, enough: float) -> int:
     unsettled = 0
     for i in range(LANES):
         nx, ny, nz = block[N + X + i], block[N + Y + i], block[N + Z + i]
-        ax = point[ARM + X + i] + block[HALF + X + i]
-        ay = point[ARM + Y + i] + block[HALF + Y + i]
-        az = point[ARM + Z + i] + block[HALF + Z + i]
-        bx = ax - block[WAY + X + i]
-        by = ay - block[WAY + Y + i]
-        bz = az - block[WAY + Z + i]
-        px, py, pz = cross(work[AW + X + i], work[AW + Y + i], work[AW + Z + i], ax, ay, az)
-        qx, qy, qz = cross(work[BW + X + i], work[BW + Y + i], work[BW + Z + i], bx, by, bz)
-        ux = (work[BV + X + i] - work[AV + X + i]) + (qx - px)
-        uy = (work[BV + Y + i] - work[AV + Y + i]) + (qy - py)
-        uz = (work[BV + Z + i] - work[AV + Z + i]) + (qz - pz)
+        arms = arms_now(block, point, i)
+        ux, uy, uz = parting(work, i, arms)
         un = (ux * nx + uy * ny) + uz * nz
         old = point[JN + i]
         new = max(old + point[MASS_N + i] * (point[TARGET + i] - un), 0.0)
@@ -142,22 +127,7 @@ def visit(block: Floats, point: Floats, work: Floats, enough: float) -> int:
         point[JT + Z + i] = fz
         block[ACTED + i] += new
         jx, jy, jz = change * nx + (fx - tx), change * ny + (fy - ty), change * nz + (fz - tz)
-        mass_a, mass_b = block[MASS_A + i], block[MASS_B + i]
-        inertia_a, inertia_b = block[INERTIA_A + i], block[INERTIA_B + i]
-        px, py, pz = cross(ax, ay, az, jx, jy, jz)
-        qx, qy, qz = cross(bx, by, bz, jx, jy, jz)
-        work[AV + X + i] -= mass_a * jx
-        work[AV + Y + i] -= mass_a * jy
-        work[AV + Z + i] -= mass_a * jz
-        work[AW + X + i] -= inertia_a * px
-        work[AW + Y + i] -= inertia_a * py
-        work[AW + Z + i] -= inertia_a * pz
-        work[BV + X + i] += mass_b * jx
-        work[BV + Y + i] += mass_b * jy
-        work[BV + Z + i] += mass_b * jz
-        work[BW + X + i] += inertia_b * qx
-        work[BW + Y + i] += inertia_b * qy
-        work[BW + Z + i] += inertia_b * qz
+        apply_to_both(block, work, i, arms, jx, jy, jz)
     return unsettled
 
 
@@ -191,23 +161,18 @@ def sweep(
         for p in range(lane[COUNT]):
             start = POINT + p * POINT_SIZE
             unsettled += visit(block, block[start : start + POINT_SIZE], work, enough)
-        give(bodies, lane, work)
+        give(bodies, lane, V, work)
         lane[SETTLED] = 0 if unsettled else 1
         total += unsettled
     return total
 
 
-@compiled
+@compiled_alone
 def push(block: Floats, point: Floats, work: Floats) -> None:
     """Apply the impulses of one point of each pair; the tangential part is made so again."""
     for i in range(LANES):
         nx, ny, nz = block[N + X + i], block[N + Y + i], block[N + Z + i]
-        ax = point[ARM + X + i] + block[HALF + X + i]
-        ay = point[ARM + Y + i] + block[HALF + Y + i]
-        az = point[ARM + Z + i] + block[HALF + Z + i]
-        bx = ax - block[WAY + X + i]
-        by = ay - block[WAY + Y + i]
-        bz = az - block[WAY + Z + i]
+        arms = arms_now(block, point, i)
         jx, jy, jz = point[JT + X + i], point[JT + Y + i], point[JT + Z + i]
         # What the normal has turned since then is no longer tangential.
         along = (jx * nx + jy * ny) + jz * nz
@@ -217,22 +182,7 @@ def push(block: Floats, point: Floats, work: Floats) -> None:
         point[JT + Z + i] = jz
         jn = point[JN + i]
         jx, jy, jz = jx + jn * nx, jy + jn * ny, jz + jn * nz
-        mass_a, mass_b = block[MASS_A + i], block[MASS_B + i]
-        inertia_a, inertia_b = block[INERTIA_A + i], block[INERTIA_B + i]
-        px, py, pz = cross(ax, ay, az, jx, jy, jz)
-        qx, qy, qz = cross(bx, by, bz, jx, jy, jz)
-        work[AV + X + i] -= mass_a * jx
-        work[AV + Y + i] -= mass_a * jy
-        work[AV + Z + i] -= mass_a * jz
-        work[AW + X + i] -= inertia_a * px
-        work[AW + Y + i] -= inertia_a * py
-        work[AW + Z + i] -= inertia_a * pz
-        work[BV + X + i] += mass_b * jx
-        work[BV + Y + i] += mass_b * jy
-        work[BV + Z + i] += mass_b * jz
-        work[BW + X + i] += inertia_b * qx
-        work[BW + Y + i] += inertia_b * qy
-        work[BW + Z + i] += inertia_b * qz
+        apply_to_both(block, work, i, arms, jx, jy, jz)
 
 
 @compiled
@@ -246,12 +196,26 @@ def start_from_last(
         for p in range(lane[COUNT]):
             start = POINT + p * POINT_SIZE
             push(block, block[start : start + POINT_SIZE], work)
-        give(bodies, lane, work)
+        give(bodies, lane, V, work)
 
 
 @compiled
-def move_along(blocks: Floats, lanes: Integers, bodies: Floats, work: Floats, count: int) -> None:
-    """Bring centres and gaps up to date with how the bodies have moved."""
+def move_along(
+    blocks: Floats,
+    lanes: Integers,
+    bodies: Floats,
+    work: Floats,
+    count: int,
+    time: float,
+    slop: float,
+    counted: float,
+) -> None:
+    """
+    Bring centres, gaps and targets up to date with how the bodies have moved.
+
+    A sub-step takes `time`, s. The impulses of the one that is over are added to the totals,
+    `counted` times.
+    """
     for k in range(count):
         block, lane = blocks[k], lanes[k]
         take(bodies, lane, SHIFT, work)
@@ -260,14 +224,25 @@ def move_along(blocks: Floats, lanes: Integers, bodies: Floats, work: Floats, co
                 shift = work[BV + c + i] - work[AV + c + i]
                 block[HALF + c + i] = 0.5 * shift
                 block[WAY + c + i] = block[FIRST_WAY + c + i] + shift
+        deep = 0
         for p in range(lane[COUNT]):
             start = POINT + p * POINT_SIZE
-            open_gaps(block, block[start : start + POINT_SIZE], work)
+            point = block[start : start + POINT_SIZE]
+            deep += open_gaps(block, point, work, 1.0 / time, slop, counted)
+        lane[DEEP] = 1 if deep > 0 else 0
 
 
-@compiled
-def open_gaps(block: Floats, point: Floats, work: Floats) -> None:
-    """Write the present gap of one point of each pair; turns count to the first order."""
+@compiled_alone
+def open_gaps(
+    block: Floats, point: Floats, work: Floats, per_time: float, slop: float, counted: float
+) -> int:
+    """
+    Do so for one point of each pair; return how many overlap by more than `slop`, m.
+
+    Turns count to the first order. TARGET is zero where the point touches, and lets it come
+    down to that where it does not.
+    """
+    deep = 0
     for i in range(LANES):
         ax, ay, az = point[ARM + X + i], point[ARM + Y + i], point[ARM + Z + i]
         bx = ax - block[FIRST_WAY + X + i]
@@ -278,36 +253,16 @@ def open_gaps(block: Floats, point: Floats, work: Floats) -> None:
         ox = 2.0 * block[HALF + X + i] + (qx - px)
         oy = 2.0 * block[HALF + Y + i] + (qy - py)
         oz = 2.0 * block[HALF + Z + i] + (qz - pz)
-        point[GAP + i] = point[FIRST_GAP + i] + (
-            (ox * block[N + X + i] + oy * block[N + Y + i]) + oz * block[N + Z + i]
-        )
-
-
-@compiled
-def aim(
-    blocks: Floats, lanes: Integers, count: int, time: float, slop: float, pushing: bool
-) -> None:
-    """
-    Write the TARGET of every point.
-
-    At least -gap/time where there is a gap. Where there is overlap, a velocity that takes it away
-    if `pushing`, else 0; and what may hit in the next sub-step is then left to it.
-    """
-    per_time = 1.0 / time
-    rate = min(PUSH_OUT, 0.2 * per_time) if pushing else 0.0
-    for k in range(count):
-        block, lane = blocks[k], lanes[k]
-        lane[SETTLED] = 0
-        for p in range(lane[COUNT]):
-            start = POINT + p * POINT_SIZE
-            point = block[start : start + POINT_SIZE]
-            for i in range(LANES):
-                gap = point[GAP + i]
-                out = max(min(-(rate * (gap + slop)), FASTEST_PUSH), 0.0)
-                reach = -(gap * per_time)
-                if not pushing and point[JN + i] == 0.0:
-                    reach = ANYTHING
-                point[TARGET + i] = reach if gap > 0.0 else out
+        nx, ny, nz = block[N + X + i], block[N + Y + i], block[N + Z + i]
+        gap = point[FIRST_GAP + i] + ((ox * nx + oy * ny) + oz * nz)
+        deep += gap < -slop
+        point[GAP + i] = gap
+        point[TARGET + i] = -(max(gap - slop, 0.0) * per_time)
+        jn = counted * point[JN + i]
+        point[TOTAL + X + i] += jn * nx + counted * point[JT + X + i]
+        point[TOTAL + Y + i] += jn * ny + counted * point[JT + Y + i]
+        point[TOTAL + Z + i] += jn * nz + counted * point[JT + Z + i]
+    return deep
 
 
 @compiled
@@ -358,7 +313,7 @@ def find_hits(
     return found
 
 
-@compiled
+@compiled_alone
 def find_hit(
     block: Floats,
     point: Floats,
@@ -370,17 +325,8 @@ def find_hit(
 ) -> None:
     """Do so for one point of each pair."""
     for i in range(LANES):
-        ax = point[ARM + X + i] + block[HALF + X + i]
-        ay = point[ARM + Y + i] + block[HALF + Y + i]
-        az = point[ARM + Z + i] + block[HALF + Z + i]
-        bx = ax - block[WAY + X + i]
-        by = ay - block[WAY + Y + i]
-        bz = az - block[WAY + Z + i]
-        px, py, pz = cross(work[AW + X + i], work[AW + Y + i], work[AW + Z + i], ax, ay, az)
-        qx, qy, qz = cross(work[BW + X + i], work[BW + Y + i], work[BW + Z + i], bx, by, bz)
-        ux = (work[BV + X + i] - work[AV + X + i]) + (qx - px)
-        uy = (work[BV + Y + i] - work[AV + Y + i]) + (qy - py)
-        uz = (work[BV + Z + i] - work[AV + Z + i]) + (qz - pz)
+        arms = arms_now(block, point, i)
+        ux, uy, uz = parting(work, i, arms)
         un = (ux * block[N + X + i] + uy * block[N + Y + i]) + uz * block[N + Z + i]
         gap = point[GAP + i]
         carries = point[JN + i] > 0.0
@@ -389,17 +335,3 @@ def find_hit(
         bounce = -(restitution * un) if hits else (0.0 if held else -1.0)
         point[BOUNCE + i] = bounce
         block[HITS + i] = max(block[HITS + i], -un) if hits else block[HITS + i]
-
-
-@compiled
-def add_up(blocks: Floats, lanes: Integers, count: int) -> None:
-    """Add the impulses of a sub-step to the totals of the step."""
-    for k in range(count):
-        block = blocks[k]
-        for p in range(lanes[k, COUNT]):
-            start = POINT + p * POINT_SIZE
-            point = block[start : start + POINT_SIZE]
-            for i in range(LANES):
-                jn = point[JN + i]
-                for c in range(0, 3 * LANES, LANES):
-                    point[TOTAL + c + i] += jn * block[N + c + i] + point[JT + c + i]

@@ -24,6 +24,7 @@ from cube_sim.physics.contact.layout import (
     CUBE,
     FASTEST,
     IMPACTS,
+    PUSHED,
     SHIFT,
     SWEEPS,
     TOUCHED,
@@ -32,11 +33,10 @@ from cube_sim.physics.contact.layout import (
     W,
 )
 from cube_sim.physics.contact.neighbours import DIAGONAL
+from cube_sim.physics.contact.overlap import keep_angular_momentum, push_apart
 from cube_sim.physics.contact.rules import Rules
 from cube_sim.physics.contact.solver import (
     SLOP,
-    add_up,
-    aim,
     find_hits,
     move_along,
     start_from_last,
@@ -48,10 +48,13 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-# The sweeps of a solution: as many as VISITS of pairs allow, within bounds, or until no impulse
-# changes by more than a share of the weight.
-FEWEST_SWEEPS, MOST_SWEEPS, VISITS = 1, 16, 1600
+# A small group of pairs gets more sweeps: up to MORE_SWEEPS times as many, as long as all visits of
+# its pairs stay below what FEW_PAIRS get by the least number.
+MORE_SWEEPS, FEW_PAIRS = 12, 1500
+# Nor are there more once no impulse changes by more than a share of the weight.
 ENOUGH = 1e-5
+# So many sweeps for each that takes overlap away.
+SWEEPS_OF_A_PUSH = 4
 
 
 @compiled
@@ -75,9 +78,9 @@ def step_in_common(
     """
     Advance the grouped cubes by a step of `substeps` parts.
 
-    A part: impacts; gravity; the impulses of the last part; velocities that keep cubes apart and
-    push them apart where they overlap; places; velocities again without the pushing. `last_time`
-    is the length of a part of the last step, s.
+    A part: impacts; gravity; the impulses of the last part; velocities that keep cubes apart;
+    others that take overlap away; places by both. `last_time` is the length of a part of the
+    last step, s.
     """
     time = rules.time_step / substeps
     take_up_bodies(state, marks, bodies, counters, count)
@@ -88,12 +91,13 @@ def step_in_common(
     count = counters[BLOCKS]
 
     # Small groups are solved out, large ones as far as the time allows: sweeps are rationed.
-    most = max(FEWEST_SWEEPS, min(MOST_SWEEPS, VISITS // max(counters[ACTIVES], 1)))
+    least = int(rules.sweeps)
+    most = max(least, min(MORE_SWEEPS * least, FEW_PAIRS * least // max(counters[ACTIVES], 1)))
     enough = ENOUGH * rules.gravity * time
     slop = SLOP * 2.0 * rules.half_side
     # Nor does a point hit with a speed that gravity gives in two steps.
     threshold = rules.threshold + 2.0 * rules.gravity * rules.time_step
-    move_along(blocks, lanes, bodies, work, count)
+    move_along(blocks, lanes, bodies, work, count, time, slop, 0.0)
     hits = 0
     for part in range(substeps):
         if part == 0 or hits > 0:
@@ -108,16 +112,16 @@ def step_in_common(
             )
         fall(bodies, counters, rules, time)
         start_from_last(blocks, lanes, bodies, work, count)
-        aim(blocks, lanes, count, time, slop, True)
-        counters[SWEEPS] += solve(blocks, lanes, bodies, work, count, most, enough, 0)
+        counters[SWEEPS] += solve(blocks, lanes, bodies, work, count, most, enough)
+        pushes = max(most // SWEEPS_OF_A_PUSH, 1)
+        pushed = push_apart(blocks, lanes, bodies, work, counters, time, slop, pushes)
         advance_bodies(bodies, counters, time)
-        move_along(blocks, lanes, bodies, work, count)
-        aim(blocks, lanes, count, time, slop, False)
-        counters[SWEEPS] += solve(blocks, lanes, bodies, work, count, most, enough, 1)
-        add_up(blocks, lanes, count)
+        if pushed > 0:
+            keep_angular_momentum(blocks, lanes, bodies, counters, time)
+        move_along(blocks, lanes, bodies, work, count, time, slop, 1.0)
     note_touched(blocks, lanes, bodies, 0, count)
     put_down(state, bodies, counters, rules)
-    read_back(cubes, pairs, ends, blocks, lanes, counters, ground, time)
+    read_back(cubes, pairs, ends, blocks, lanes, counters, rules, ground, scale, time)
 
 
 @compiled
@@ -129,12 +133,10 @@ def solve(
     count: int,
     most: int,
     enough: float,
-    direction: int,
 ) -> int:
     """Sweep to and fro until no impulse changes by more than `enough`; return how often."""
     for n in range(most):
-        backward = (n + direction) % 2 == 1
-        if sweep(blocks, lanes, bodies, work, 0, count, backward, enough, True) == 0:
+        if sweep(blocks, lanes, bodies, work, 0, count, n % 2 == 1, enough, True) == 0:
             return n + 1
     return most
 
@@ -161,11 +163,11 @@ def fall(bodies: Floats, counters: Integers, rules: Rules, time: float) -> None:
 
 @compiled
 def advance_bodies(bodies: Floats, counters: Integers, time: float) -> None:
-    """Let the bodies go with their velocities for a time, s."""
+    """Let the bodies go with their velocities and those of a push for a time, s."""
     for n in range(1, counters[BODIES]):
         for k in range(3):
-            bodies[n, SHIFT + k] += bodies[n, V + k] * time
-            bodies[n, TURN + k] += bodies[n, W + k] * time
+            bodies[n, SHIFT + k] += (bodies[n, V + k] + bodies[n, PUSHED + k]) * time
+            bodies[n, TURN + k] += (bodies[n, W + k] + bodies[n, PUSHED + 3 + k]) * time
 
 
 @compiled
