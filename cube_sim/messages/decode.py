@@ -10,11 +10,15 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cube_sim.messages.cdr import ENCAPSULATION
 from cube_sim.messages.cdr_reader import CdrReader, Data, Floats, floats_at
 from cube_sim.messages.errors import MessageError
 
 __all__ = [
+    'MarkerView',
     'MessageError',
     'Odometry',
     'ParameterEvent',
@@ -23,6 +27,7 @@ __all__ = [
     'PoseStamped',
     'read_clock',
     'read_header',
+    'read_marker',
     'read_odometry',
     'read_parameter_event',
     'read_pose_array',
@@ -33,6 +38,9 @@ Parameter = bool | int | float | str | bytes | list[bool] | list[int] | list[flo
 
 _POSE_BYTES = 7 * 8
 _COVARIANCE_BYTES = 36 * 8
+_POINT_BYTES = 3 * 8
+_COLOR_BYTES = 4 * 4
+_UV_BYTES = 2 * 4
 # A parameter: two strings' lengths, kind, bool, and what is left of a value that holds nothing.
 _LEAST_PARAMETER_BYTES = 40
 _LEAST_STRING_BYTES = 4
@@ -69,6 +77,17 @@ class Odometry(NamedTuple):
     """(7,), x y z qx qy qz qw, m, in `frame_id`."""
     twist: Floats
     """(6,), vx vy vz wx wy wz, m/s and rad/s, in the axes of the child frame."""
+
+
+class MarkerView(NamedTuple):
+    """The points of a visualization_msgs/Marker."""
+
+    time_ns: int
+    frame_id: str
+    points: Floats
+    """(K, 3), m, in the frame of the marker's pose."""
+    colors: NDArray[np.float32]
+    """(K, 4), red green blue alpha, or (0, 4)."""
 
 
 class ParameterEvent(NamedTuple):
@@ -136,6 +155,29 @@ def read_parameter_event(data: Data) -> ParameterEvent:
     new, changed, deleted = _parameters(cdr), _parameters(cdr), _parameters(cdr)
     cdr.end()
     return ParameterEvent(time_ns, node, new, changed, list(deleted))
+
+
+def read_marker(data: Data) -> MarkerView:
+    """Return points and colours of a visualization_msgs/Marker."""
+    cdr = CdrReader(data, 'visualization_msgs/Marker')
+    time_ns, frame_id = cdr.header()
+    cdr.string()  # ns
+    cdr.int32(), cdr.int32(), cdr.int32()  # id, type, action
+    cdr.float64s(10)  # pose, scale
+    cdr.raw(_COLOR_BYTES)
+    cdr.int32(), cdr.uint32(), cdr.uint8()  # lifetime, frame_locked
+    points = cdr.float64s(3 * cdr.count(_POINT_BYTES)).reshape(-1, 3)
+    count = cdr.count(_COLOR_BYTES)
+    if count not in (0, len(points)):
+        raise cdr.error(f'has {len(points)} points and {count} colours')
+    colors = np.frombuffer(cdr.raw(_COLOR_BYTES * count), cdr.order + 'f4').reshape(-1, 4)
+    cdr.string()  # texture_resource
+    cdr.header(), cdr.string(), cdr.raw(cdr.count(1))  # texture
+    cdr.raw(_UV_BYTES * cdr.count(_UV_BYTES))
+    cdr.string(), cdr.string()  # text, mesh_resource
+    cdr.string(), cdr.raw(cdr.count(1)), cdr.uint8()  # mesh_file, mesh_use_embedded_materials
+    cdr.end()
+    return MarkerView(time_ns, frame_id, points, colors.astype(np.float32))
 
 
 def _parameters(cdr: CdrReader) -> dict[str, Parameter | None]:

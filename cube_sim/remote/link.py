@@ -133,8 +133,12 @@ class SimulatorLink:
         """A sentence for when the simulator is not present."""
         return f'No simulator answers on {self.simulator}; sim_node or make run starts one.'
 
-    def listen(self, kind: Any, topic: str, take: Callable[[bytes], None], qos: Any) -> None:
-        """Hand the bytes of every message of `topic` to `take`; MessageError drops one."""
+    def listen(self, kind: Any, topic: str, take: Callable[[bytes], None], qos: Any) -> Any:
+        """
+        Hand the bytes of every message of `topic` to `take`; MessageError drops one.
+
+        Return the subscription, which `node.destroy_subscription` ends.
+        """
 
         def callback(message: bytes) -> None:
             try:
@@ -142,7 +146,7 @@ class SimulatorLink:
             except MessageError as error:
                 self.node.get_logger().warning(f'{topic}: {error}', throttle_duration_sec=5.0)
 
-        self.node.create_subscription(kind, topic, callback, qos, raw=True)
+        return self.node.create_subscription(kind, topic, callback, qos, raw=True)
 
     def start(self) -> None:
         """Begin to listen."""

@@ -6,9 +6,11 @@ import threading
 import time
 from typing import Any
 
+import numpy as np
 import viser
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_parameter_events
@@ -20,9 +22,11 @@ from cube_sim.remote.link import LATCHED
 from cube_sim.web.heights import beside
 from cube_sim.web.panel import KEYS, PARAMETERS, Panel
 from cube_sim.web.run import Run
-from cube_sim.web.stage import Stage
+from cube_sim.web.stage import NO_LINES, Stage, lines_of
 from cube_sim.web.thrower import Thrower
 from cube_sim.web.visitor import Visitor
+
+Floats = NDArray[np.float64]
 
 # The most frames that go to the pages, and how often texts and plots are redrawn, 1/s.
 FRAMES = 60.0
@@ -51,14 +55,17 @@ class Live:
         """How many frames went to the pages."""
         self._link = link
         self._run = Run()
-        self._stage = Stage(server, shadows=shadows)
+        self.stage = Stage(server, shadows=shadows)
+        """What the pages show."""
         self._thrower = Thrower(link)
         self._visitors: dict[int, Visitor] = {}
-        self._panel = Panel(server.gui, link, self._throw)
+        self._panel = Panel(server.gui, link, self._throw, self._look_for_contacts)
         self._heights = beside(server.gui, KEYS)
         self._present = False
         self._closing = False
         self._ground: bytes | None = None
+        self._contacts: Floats | None = None
+        self._contacts_subscription: Any = None
         self._server = server
         self._subscribe()
         self._bind_keys()
@@ -111,6 +118,11 @@ class Live:
 
             gui.add_command(label, hotkey=key).on_trigger(call)  # type: ignore[arg-type]
 
+        async def contacts(event: Any) -> None:
+            self._panel.turn_contacts()
+
+        gui.add_command('Contact points, on and off', hotkey='C').on_trigger(contacts)
+
     async def _come(self, client: viser.ClientHandle) -> None:
         visitor = Visitor(client, self._thrower)
         visitor.show_camera(self._link.camera)
@@ -130,6 +142,23 @@ class Live:
 
     def _take_ground(self, message: bytes) -> None:
         self._ground = bytes(message)
+        self._run.wake()
+
+    def _look_for_contacts(self, wanted: bool) -> None:
+        """Listen to contacts, or no longer: the simulator gathers them for who listens."""
+        link = self._link
+        if wanted and self._contacts_subscription is None:
+            topic = f'{link.simulator}/contacts'
+            take = self._take_contacts
+            self._contacts_subscription = link.listen(Marker, topic, take, QoSProfile(depth=1))
+        elif not wanted and self._contacts_subscription is not None:
+            link.node.destroy_subscription(self._contacts_subscription)
+            self._contacts_subscription = None
+            self._contacts = NO_LINES
+            self._run.wake()
+
+    def _take_contacts(self, message: bytes) -> None:
+        self._contacts = lines_of(message)
         self._run.wake()
 
     def _take_event(self, event: ParameterEvent) -> None:
@@ -160,9 +189,12 @@ class Live:
                 self._run.clear()
         ground, self._ground = self._ground, None
         if ground is not None:
-            self._stage.show_ground(ground)
+            self.stage.show_ground(ground)
+        contacts, self._contacts = self._contacts, None
+        if contacts is not None:
+            self.stage.show_contacts(contacts)
         frame = self._run.frame()
-        self._stage.show_cubes(frame.poses, frame.cube_size)
+        self.stage.show_cubes(frame.poses, frame.cube_size)
         self._heights.add(frame.time_ns / 1e9, frame.poses, len(frame.poses))
         for visitor in tuple(self._visitors.values()):
             visitor.show_camera(link.camera)

@@ -25,6 +25,7 @@ KEYS = """\
 | **R** | remove all cubes |
 | **P**, **N** | pause, one step |
 | **B** | record a bag |
+| **C** | show contacts |
 """
 
 
@@ -58,8 +59,13 @@ class Panel:
         gui: viser.GuiApi,
         link: SimulatorLink,
         throw: Callable[[viser.ClientHandle], None],
+        look_for_contacts: Callable[[bool], None],
     ) -> None:
-        """Build it. `throw` is called for the page whose button is pressed."""
+        """
+        Build it. `throw` is called for the page whose button is pressed.
+
+        `look_for_contacts` is called with whether the pages show contacts, when that changes.
+        """
         self._link = link
         self._inputs: dict[str, Any] = {}
         self._known: dict[str, Any] = {}
@@ -78,6 +84,9 @@ class Panel:
             hint = '; '.join(f'{name}: {model.summary}' for name, model in MODELS.items())
             self._inputs['physics_model'] = gui.add_dropdown('Model', tuple(MODELS), hint=hint)
             self._sliders(gui, _PHYSICS)
+            self._contacts: Any = gui.add_checkbox(
+                'Contacts (C)', False, hint='Points and normals of the model contact, as lines'
+            )
         with gui.add_folder('Run'):
             self._paused: Any = gui.add_checkbox('Paused (P)', False)
             self._sliders(gui, _PACE)
@@ -85,6 +94,8 @@ class Panel:
             self._recording: Any = gui.add_checkbox('Recording (B)', False)
         for name, handle in self._inputs.items():
             handle.on_update(self._changed(name))
+
+        self._contacts.on_update(lambda event: look_for_contacts(event.target.value))
 
         @button.on_click
         async def _(event: Any) -> None:
@@ -103,6 +114,10 @@ class Panel:
         status = self._link.status
         data = {'pause': not status.paused, 'record': not status.bag}.get(service)
         self._do(service, data, client)
+
+    def turn_contacts(self) -> None:
+        """Show contacts on all pages, or no longer."""
+        self._contacts.value = not self._contacts.value
 
     def show(self, status: Status, cubes: int, time_ns: int) -> None:
         """Show how the simulator is doing; `cubes` and `time_ns` are those on the stage."""

@@ -13,7 +13,7 @@ import trimesh
 import viser
 from numpy.typing import NDArray
 
-from cube_sim.messages.cdr_reader import CdrReader
+from cube_sim.messages.decode import MessageError, read_marker
 from cube_sim.messages.markers import PALETTE
 from cube_sim.web.axes import page_wxyz
 
@@ -23,6 +23,9 @@ Floats = NDArray[np.float64]
 HOME = (-4.5, 2.5, 2.9)
 HOME_LOOK_AT = (2.5, 0.0, 0.7)
 FIELD_OF_VIEW = np.radians(60.0)
+
+CONTACT_COLOR = (255, 40, 120)
+NO_LINES: Floats = np.empty((0, 2, 3))
 
 _ZENITH, _HORIZON = np.array([98.0, 151.0, 209.0]), np.array([222.0, 234.0, 243.0])
 _COLORS = (PALETTE[:, :3] * 255).astype(np.uint8)
@@ -59,6 +62,7 @@ class Stage:
         self._server = server
         self._cubes: Any = None
         self._size = 0.0
+        self._contacts: Any = None
         scene = server.scene
         scene.set_up_direction('+z')
         share = np.linspace(0.0, 1.0, 64)[:, None, None] ** 0.7
@@ -118,6 +122,18 @@ class Stage:
         )
         self._server.scene.add_mesh_trimesh('/ground', mesh, cast_shadow=False, receive_shadow=0.4)
 
+    def show_contacts(self, lines: Floats) -> None:
+        """Show lines (K, 2, 3), m, from where cubes touch along the normals."""
+        # A handle keeps the number of its lines, so each frame has one of its own.
+        if self._contacts is not None and not len(lines):
+            self._contacts.remove()
+            self._contacts = None
+        if len(lines):
+            length = float(np.linalg.norm(lines[0, 1] - lines[0, 0]))
+            self._contacts = self._server.scene.add_line_segments(
+                '/contacts', lines.astype(np.float32), CONTACT_COLOR, thickness=0.04 * length
+            )
+
 
 class CameraSign:
     """A camera drawn into a scene: from where cubes are thrown."""
@@ -150,20 +166,21 @@ class CameraSign:
 
 def ground_of(marker: bytes) -> tuple[Floats, NDArray[np.float32]]:
     """Return corners (3 T, 3), m, and colours (3 T, 4) of a Marker of triangles; MessageError."""
-    cdr = CdrReader(marker, 'visualization_msgs/Marker')
-    cdr.header()
-    cdr.string()
-    for _ in range(3):
-        cdr.int32()  # id, type, action
-    cdr.float64s(10)  # pose, scale
-    cdr.raw(16)  # color
-    cdr.int32(), cdr.uint32(), cdr.uint8()  # lifetime, frame_locked
-    points = cdr.float64s(3 * cdr.count(24)).reshape(-1, 3)
-    count = cdr.count(16)
-    if count != len(points) or count % 3:
-        raise cdr.error(f'has {len(points)} points and {count} colours, no triangles')
-    colors = np.frombuffer(cdr.raw(16 * count), cdr.order + 'f4').reshape(-1, 4)
-    return points, colors.astype(np.float32)
+    view = read_marker(marker)
+    if len(view.colors) != len(view.points) or len(view.points) % 3:
+        raise MessageError(
+            f'visualization_msgs/Marker has {len(view.points)} points and '
+            f'{len(view.colors)} colours, no triangles'
+        )
+    return view.points, view.colors
+
+
+def lines_of(marker: bytes) -> Floats:
+    """Return the lines (K, 2, 3), m, of a Marker of type LINE_LIST; MessageError if it is none."""
+    points = read_marker(marker).points
+    if len(points) % 2:
+        raise MessageError(f'visualization_msgs/Marker has {len(points)} points, no lines')
+    return points.reshape(-1, 2, 3)
 
 
 def _colors(count: int) -> NDArray[np.uint8]:

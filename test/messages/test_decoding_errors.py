@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cube_sim.messages import decode, events, poses
+from cube_sim.messages import decode, events, markers, poses
 from cube_sim.messages.decode import MessageError, PoseArrayDecoder
 
 WORLD = poses.pose_array(5, 'world', np.ones((3, 7)))
@@ -30,6 +30,10 @@ MESSAGES: dict[str, tuple[Callable[[bytes], Any], bytes]] = {
     'pose': (decode.read_pose_stamped, poses.pose_stamped(5, 'world', np.ones(7))),
     'odometry': (
         decode.read_odometry, events.odometry(5, 'world', 'cube_0', np.ones(7), np.ones(6))
+    ),
+    'marker': (
+        decode.read_marker,
+        markers.triangle_list(5, 'world', 'ground', np.ones((3, 3)), np.ones((3, 4))),
     ),
     'parameters': (
         decode.read_parameter_event,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rosbags.typesys import Stores, get_typestore
 
-from cube_sim.messages import decode, events, poses
+from cube_sim.messages import decode, events, markers, poses
 from cube_sim.messages.decode import PoseArrayDecoder, read_pose_array
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -50,6 +50,24 @@ def test_a_clock(time_ns):
 def test_a_header(time_ns, frame_id):
     for data in both_orders(events.header(time_ns, frame_id), 'std_msgs/msg/Header'):
         assert decode.read_header(data) == (time_ns, frame_id)
+
+
+@patient
+@given(times, texts, st.integers(0, 5), st.booleans())
+def test_the_points_of_a_marker(time_ns, frame_id, count, colored):
+    rng = np.random.default_rng(count)
+    points, ways = rng.normal(size=(2, 3 * count, 3))
+    shades = rng.random((3 * count, 4)).astype(np.float32)
+    if colored:
+        data = markers.triangle_list(time_ns, frame_id, 'ground', points, shades)
+    else:
+        data = markers.contact_lines(time_ns, frame_id, points, ways, 2.0)
+        points = np.stack([points, points + ways], axis=1).reshape(-1, 3)
+    for order in both_orders(data, 'visualization_msgs/msg/Marker'):
+        view = decode.read_marker(order)
+        assert (view.time_ns, view.frame_id) == (time_ns, frame_id)
+        np.testing.assert_array_equal(view.points, points)
+        np.testing.assert_array_equal(view.colors, shades if colored else np.empty((0, 4)))
 
 
 @patient

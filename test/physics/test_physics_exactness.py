@@ -11,9 +11,11 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from support.physics_golden import CUBES_LEFT, GOLDEN, STEPS, run_script
 from support.physics_states import crowd, thrown
+from support.plain_code import PlainCode
 
 from cube_sim.physics import Settings, World
 from cube_sim.physics import step as plain_step
+from cube_sim.physics.contact import engine as contact_engine
 from cube_sim.physics.models import model_named
 
 MODELS = ('simple', 'impulse')
@@ -69,6 +71,41 @@ def test_the_machine_code_gives_the_bits_of_the_laws_as_they_are_written(model, 
         assert world.poses.tobytes() == state[:7].T.tobytes()
         assert world.velocities.tobytes() == state[7:].T.tobytes()
     assert world.contacts == contacts > 500
+
+
+def meeting_cubes(settings: Settings) -> World:
+    """A stack, a fast cube that hits it, one that overlaps it, and one alone."""
+    world = World(settings)
+    for level in range(3):
+        world.throw((0.0, 0.0, 0.25 + 0.5 * level), (0.0, 0.0, 0.1 * level, 1.0))
+    world.throw((-1.3, 0.1, 0.6), (0.1, 0.2, 0.3, 0.9), (40.0, 0.0, 0.0), (1.0, 2.0, 3.0))
+    world.throw((0.3, 0.2, 1.6), (0.3, 0.0, 0.1, 0.9), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    world.throw((1.0, 3.0, 0.8), (0.1, 0.2, 0.3, 0.9), (1.0, 0.0, 0.0), (1.0, 2.0, 3.0))
+    return world
+
+
+def test_the_machine_code_of_contact_gives_the_bits_of_its_laws_as_they_are_written(monkeypatch):
+    # Few sweeps and an early sleep, so that plain Python comes through all of it in seconds.
+    settings = Settings(model='contact', time_step_ns=4_000_000, solver_effort=0.5, sleep_delay=0.1)
+    world = meeting_cubes(settings)
+    monkeypatch.setattr(contact_engine, 'MachineCode', PlainCode)
+    plain = meeting_cubes(settings)
+    seen = {'impacts': 0, 'parts': 1, 'touching_pairs': 0}
+    awake = set()
+    for _ in range(60):
+        world.step(10)
+        for _ in range(10):
+            plain.step()
+            counters = plain.counters
+            seen = {name: max(most, counters[name]) for name, most in seen.items()}
+            awake.add(plain.awake)
+        assert plain.digest() == world.digest()
+        assert plain.counters == world.counters
+    assert plain.contacts == world.contacts
+    assert seen['impacts'] > 1
+    assert seen['parts'] > 1
+    assert seen['touching_pairs'] > 4
+    assert {0, 6} <= awake
 
 
 CROWD = crowd(330, seed=33)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -49,6 +50,18 @@ class Served:
         with self._moved:
             came = self._moved.wait_for(lambda: any(map(found, self._places.values())), DEADLINE)
             assert came, f'the cameras are at {self._places}'
+
+    def watch_contacts(self) -> queue.SimpleQueue[int]:
+        """Return a queue of how many contacts the pages are given from now on."""
+        shown: queue.SimpleQueue[int] = queue.SimpleQueue()
+        show = self.live.stage.show_contacts
+
+        def watched(lines: Any) -> None:
+            show(lines)
+            shown.put(len(lines))
+
+        self.live.stage.show_contacts = watched
+        return shown
 
     async def _come(self, client: Any) -> None:
         client.camera.on_update(self._take)

@@ -23,7 +23,7 @@ DISPLAYS = {
     'Pose': 'geometry_msgs/msg/PoseStamped',
     'Odometry': 'nav_msgs/msg/Odometry',
 }
-SHOWN = {f'/cube_sim/{name}' for name in ('poses', 'markers', 'ground', 'camera/pose')}
+SHOWN = {f'/cube_sim/{name}' for name in ('poses', 'markers', 'contacts', 'ground', 'camera/pose')}
 
 
 @pytest.fixture(scope='module')

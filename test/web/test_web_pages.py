@@ -6,6 +6,7 @@ import threading
 
 import numpy as np
 import pytest
+from web.web_chromium import DEADLINE
 
 from cube_sim.physics.world import turned_by
 
@@ -122,6 +123,24 @@ def test_keys_switch_the_model_pause_and_reset_and_the_panel_follows(ros, sim, l
     assert ros.set('restitution', 0.83).successful
     page.wait_for("[...document.querySelectorAll('input')].some(i => i.value === '0.83')")
     assert served.live.frames > 0
+    assert not page.errors
+
+
+def test_a_page_shows_contacts_while_it_is_asked_to(ros, sim, live, chromium):
+    node = sim(physics_model='contact', sleep=False, publish_rate=10.0, start_paused=True)
+    for level in range(3):
+        node.simulation.world.throw((2.0, 0.0, 0.25 + 0.5 * level), (0.0, 0.0, 0.0, 1.0))
+    ros.do('pause', False)
+    served = live()
+    shown = served.watch_contacts()
+    page = page_of(chromium, served)
+    page.press('c', 'KeyC', 67)
+    while (count := shown.get(timeout=DEADLINE)) != 12:
+        assert count == 0  # the cubes have just come
+    page.wait_for("[...document.querySelectorAll('input[type=checkbox]')].some(i => i.checked)")
+    page.press('c', 'KeyC', 67)
+    while shown.get(timeout=DEADLINE) != 0:
+        pass
     assert not page.errors
 
 

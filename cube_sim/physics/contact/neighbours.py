@@ -33,7 +33,7 @@ Integers = NDArray[np.int64]
 
 DIAGONAL = 1.7320508075688774
 # A list of neighbours is to hold for so many steps; a slow cube may go so far at least, in sides.
-STEPS, SKIN = 8.0, 0.05
+STEPS, SKIN = 16.0, 0.1
 # Who goes farther in that time, in sides and as a multiple of the mean, is a fast one.
 FAST, FASTER = 0.3, 3.0
 # In sides: cubes this near may touch in any case.
