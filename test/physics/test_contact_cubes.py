@@ -180,6 +180,28 @@ def test_cubes_that_collide_keep_their_momentum_and_gain_no_energy():
     assert hits > 90
 
 
+@pytest.mark.parametrize('rate', [60, 240, 1000])
+@pytest.mark.parametrize(('restitution', 'height'), [(0.5, 1.0), (0.9, 0.5)])
+@pytest.mark.parametrize('below', [1, 3, 9])
+def test_a_cube_dropped_on_a_stack_rebounds_as_from_the_plane(below, restitution, height, rate):
+    # What carries the one that is hit holds it: rebound e^2 h, up to the length of a sub-step.
+    world = World(settings(rate, restitution=restitution, sleep=False))
+    for level in range(below):
+        world.throw((0.0, 0.0, 0.25 + 0.5 * level), FLAT)
+    world.step(rate // 4)
+    world.throw((0.0, 0.0, 0.25 + 0.5 * below + height), FLAT)
+    speed, turned_back = 0.0, False
+    for _ in range(2 * rate):
+        world.step()
+        speed = world.velocities[below, 2]
+        turned_back = turned_back or speed > 0.3
+        if turned_back and speed <= 0.0:
+            break
+    assert turned_back
+    rebound = world.poses[below, 2] - 0.25 - 0.5 * below
+    assert rebound == pytest.approx(restitution**2 * height, rel=0.015)
+
+
 @pytest.mark.parametrize('rate', [60, 240])
 @pytest.mark.parametrize('speed', [10.0, 30.0, 100.0])
 def test_no_cube_passes_through_another(rate, speed):
@@ -273,11 +295,13 @@ def test_a_switch_of_the_model_starts_afresh():
     assert worlds[0] == worlds[1]
 
 
-def test_the_contact_points_carry_the_weight():
-    world = World(settings(sleep=False))
+@pytest.mark.parametrize('sleep', [False, True])
+def test_the_contact_points_carry_the_weight(sleep):
+    world = World(settings(sleep=sleep))
     for level in range(3):
         world.throw((0.0, 0.0, 0.25 + 0.5 * level), FLAT)
     world.step(480)
+    assert world.awake == (0 if sleep else 3)
     points = world.contact_points
     assert set(map(tuple, points.cubes)) == {(0, -1), (0, 1), (1, 2)}
     weight = 9.81 / 240
@@ -286,4 +310,9 @@ def test_the_contact_points_carry_the_weight():
         total = points.impulses[chosen].sum(axis=0)
         assert total[2] == pytest.approx(load * weight, rel=1e-3)
     np.testing.assert_allclose(np.abs(points.normals[:, 2]), 1.0, atol=1e-6)
-    assert world.counters['touching_pairs'] >= 3
+    assert len(points.cubes) == 12
+    heights = {(0, -1): 0.0, (0, 1): 0.5, (1, 2): 1.0}
+    expected = [heights[tuple(pair)] for pair in points.cubes]
+    np.testing.assert_allclose(points.positions[:, 2], expected, atol=1e-4)
+    if not sleep:
+        assert world.counters['touching_pairs'] == 3

@@ -9,7 +9,7 @@ from support.physics_states import crowd
 GOLDEN = {
     'simple': '240d7c43b304fc3aaca59f49527de6c921a84be44c952ca33a5850f72f9d8521',
     # Of the run in test_contact_cubes.
-    'contact': 'X',
+    'contact': '41fb62e7ebb178a0b712aa0cfa81a9672d71e332de7b7aba7aa6782eb2dd462f',
     'impulse': '4ce3b631de96d474b9cadd9bb20b1f164d3a20dfdca116a8c9ff378850bdf903',
 }
 

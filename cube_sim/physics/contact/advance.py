@@ -26,6 +26,7 @@ from cube_sim.physics.contact.layout import (
     IMPACTS,
     LIST_A,
     LIST_B,
+    MEMORY,
     ON_PLANE,
     PAIRS,
     PARTS,
@@ -48,7 +49,6 @@ MOST_SUBSTEPS = 1000
 NEARER = 0.25
 MOST_PARTS = 256
 CUBE = 8  # row of the scratch: the state of one cube
-MEMORY = 63  # row of the scratch: the length of the last sub-step
 
 
 @compiled

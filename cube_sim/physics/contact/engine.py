@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cube_sim.physics.contact import layout
-from cube_sim.physics.contact.points import contact_points
+from cube_sim.physics.contact.points import contact_points, joined, sleeping_points
 from cube_sim.physics.contact.rules import rules_of
-from cube_sim.physics.engine import ContactPoints
+from cube_sim.physics.engine import NO_CONTACT_POINTS, ContactPoints
 from cube_sim.physics.machine_code import CONTACT, MachineCode
 from cube_sim.physics.settings import Settings
 
@@ -88,7 +88,7 @@ class TouchingCubes:
     def contact_points(self, count: int) -> ContactPoints:
         """Return where the cubes touched in the last step."""
         assert self._settings is not None
-        return contact_points(
+        awake = contact_points(
             self._state[:, :count],
             self._cubes,
             self._blocks,
@@ -97,6 +97,19 @@ class TouchingCubes:
             len(self._marks) - 1,
             0.5 * self._settings.cube_size,
         )
+        return joined([awake, self._sleeping_points()])
+
+    def _sleeping_points(self) -> ContactPoints:
+        substep = self._scratch[layout.MEMORY, 0]
+        first = layout.LIST_B if self._counters[layout.WHICH] else layout.LIST_A
+        listed = self._ends[: self._counters[layout.PAIRS], first : first + 3]
+        asleep = self._marks[:, layout.ASLEEP]
+        near = listed[(asleep[listed[:, 0]] & asleep[listed[:, 1]]) == 1][:, [2, 0, 1]]
+        if not len(near) or self._counters[layout.STALE]:
+            return NO_CONTACT_POINTS
+        share = self._numbers[0] / substep
+        counts = self._ends[near[:, 0], layout.POINTS]
+        return sleeping_points(self._state, self._pairs, near, counts, share)
 
     def counters(self) -> dict[str, int]:
         """Return what the last step took."""

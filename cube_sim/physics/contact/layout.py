@@ -107,8 +107,8 @@ BODY_A, BODY_B = 1 * LANES, 2 * LANES  # slots
 CUBE_A, CUBE_B = 3 * LANES, 4 * LANES
 SOURCE = 5 * LANES  # for a block of an impact: block * LANES + lane of the pair
 COUNT = 6 * LANES  # the most points of a pair of the block
-COLOUR, SETTLED, LENGTH = 6 * LANES + 1, 6 * LANES + 2, 6 * LANES + 3  # LENGTH: pairs in it
-DEEP = 6 * LANES + 4  # whether any of its points overlaps by more than the slop
+COLOUR, LENGTH = 6 * LANES + 1, 6 * LANES + 2  # LENGTH: pairs in it
+DEEP = 6 * LANES + 3  # whether any of its points overlaps by more than the slop
 LANE_COLUMNS = 7 * LANES
 MOST_COLOURS = 62
 
@@ -128,8 +128,9 @@ FAR = 1e100
 
 # scratch: rows to work in; see `alone` and `manifold`.
 SCRATCH_ROWS, SCRATCH_COLUMNS = 64, 32
+MEMORY = 63  # a row of it: the length of the last sub-step, s
 
 
 def block_capacity(rows: int) -> int:
     """Return how many blocks so many rows of `pairs` can take, those of impacts included."""
-    return 2 * (rows // LANES + MOST_COLOURS + 1)
+    return 2 * (rows // LANES + MOST_COLOURS + 1) + 8 * MOST_COLOURS

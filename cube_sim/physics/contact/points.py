@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cube_sim.physics.contact import layout
-from cube_sim.physics.engine import ContactPoints
+from cube_sim.physics.engine import NO_CONTACT_POINTS, ContactPoints
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -58,6 +58,36 @@ def contact_points(
         np.concatenate(impulses),
         np.concatenate(indices).astype(np.int64),
     )
+
+
+def sleeping_points(
+    state: Floats, pairs: Floats, near: Integers, counts: Integers, share: float
+) -> ContactPoints:
+    """
+    Return the points between cubes that sleep, with the impulses that they fell asleep with.
+
+    `near` (M, 3) are the pairs (row of `pairs`, both cubes) of which both sleep, `counts` (M,)
+    their numbers of points. A step has `share` times the impulses of a sub-step.
+    """
+    found = [NO_CONTACT_POINTS]
+    for p in range(layout.MOST_POINTS):
+        columns = pairs[near[:, 0], layout.PAIR_POINT + p * layout.PAIR_POINT_COLUMNS :]
+        there = (p < counts) & (columns[:, layout.KEPT_N] > 0.0)
+        columns, chosen = columns[there], near[there]
+        turns = state[3:7, chosen[:, 1]].T
+        row = pairs[chosen[:, 0]]
+        normals = turned(turns, row[:, layout.LOCAL_NORMAL : layout.LOCAL_NORMAL + 3])
+        push = columns[:, layout.KEPT_N, None] * normals
+        push = push + columns[:, layout.KEPT_T : layout.KEPT_T + 3]
+        local = columns[:, layout.LOCAL_A : layout.LOCAL_A + 3]
+        positions = state[:3, chosen[:, 1]].T + turned(turns, local)
+        found.append(ContactPoints(positions, -normals, -share * push, chosen[:, 1:]))
+    return joined(found)
+
+
+def joined(parts: list[ContactPoints]) -> ContactPoints:
+    """Return the points of all parts."""
+    return ContactPoints(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
 def turned(orientations: Floats, vectors: Floats) -> Floats:

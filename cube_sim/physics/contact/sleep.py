@@ -64,7 +64,9 @@ def put_to_sleep(
     for i in range(count):
         if not marks[i, ASLEEP]:
             marks[i, ISLAND] = i
-    touching = SLOP * 2.0 * rules.half_side
+    # A load rests at a gap of up to the slop: with that as the limit, an island would fall apart
+    # and its parts, waking each other in turn, never sleep.
+    touching = 2.0 * SLOP * 2.0 * rules.half_side
     for n in range(counters[ACTIVES]):
         number, a, b = ends[n, ACTIVE], ends[n, ACTIVE + 1], ends[n, ACTIVE + 2]
         if a == ground or marks[a, ASLEEP] or marks[b, ASLEEP]:

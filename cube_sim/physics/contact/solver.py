@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cube_sim.physics.compiled import compiled, compiled_alone
+from cube_sim.physics.compiled import compiled, compiled_alone, compiled_inside
 from cube_sim.physics.contact.layout import (
     ACTED,
     ARM,
@@ -37,7 +37,6 @@ from cube_sim.physics.contact.layout import (
     MASS_T,
     POINT,
     POINT_SIZE,
-    SETTLED,
     SHIFT,
     TARGET,
     TOTAL,
@@ -75,11 +74,17 @@ ANYTHING = -1e300
 def take(bodies: Floats, lane: Integers, first: int, work: Floats) -> None:
     """Fetch six columns of both bodies of each pair, from column `first` on."""
     for i in range(LANES):
-        a = bodies[lane[BODY_A + i]]
-        b = bodies[lane[BODY_B + i]]
-        for n in range(6):
-            work[WORK_A + n * LANES + i] = a[first + n]
-            work[WORK_B + n * LANES + i] = b[first + n]
+        take_one(bodies, lane, first, work, i)
+
+
+@compiled_inside
+def take_one(bodies: Floats, lane: Integers, first: int, work: Floats, i: int) -> None:
+    """Do so for pair i."""
+    a = bodies[lane[BODY_A + i]]
+    b = bodies[lane[BODY_B + i]]
+    for n in range(6):
+        work[WORK_A + n * LANES + i] = a[first + n]
+        work[WORK_B + n * LANES + i] = b[first + n]
 
 
 @compiled
@@ -141,30 +146,23 @@ def sweep(
     last: int,
     backward: bool,
     enough: float,
-    all_of_them: bool,
 ) -> int:
     """
-    Visit the points of the blocks `first` to `last` - 1, of those that are not SETTLED or of all.
+    Visit the points of the blocks `first` to `last` - 1.
 
-    Return how many points changed by more than `enough`, N s; a block without any is settled.
+    Return how many points changed by more than `enough`, N s.
     """
-    total = 0
+    unsettled = 0
     for m in range(last - first):
         # To and fro, so that what a cube learns of its load goes up and down a stack.
         k = last - 1 - m if backward else first + m
-        lane = lanes[k]
-        if lane[SETTLED] and not all_of_them:
-            continue
-        block = blocks[k]
+        block, lane = blocks[k], lanes[k]
         take(bodies, lane, V, work)
-        unsettled = 0
         for p in range(lane[COUNT]):
             start = POINT + p * POINT_SIZE
             unsettled += visit(block, block[start : start + POINT_SIZE], work, enough)
         give(bodies, lane, V, work)
-        lane[SETTLED] = 0 if unsettled else 1
-        total += unsettled
-    return total
+    return unsettled
 
 
 @compiled_alone

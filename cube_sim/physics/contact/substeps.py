@@ -108,7 +108,7 @@ def step_in_common(
         if hits > 0:
             counters[IMPACTS] += hits
             counters[SWEEPS] += solve_impacts(
-                cubes, marks, ends, bodies, blocks, lanes, work, counters, rules
+                cubes, marks, ends, bodies, blocks, lanes, work, counters, rules, slop
             )
         fall(bodies, counters, rules, time)
         start_from_last(blocks, lanes, bodies, work, count)
@@ -136,7 +136,7 @@ def solve(
 ) -> int:
     """Sweep to and fro until no impulse changes by more than `enough`; return how often."""
     for n in range(most):
-        if sweep(blocks, lanes, bodies, work, 0, count, n % 2 == 1, enough, True) == 0:
+        if sweep(blocks, lanes, bodies, work, 0, count, n % 2 == 1, enough) == 0:
             return n + 1
     return most
 
