@@ -112,6 +112,15 @@ def test_a_pile_of_a_thousand_falls_asleep_and_keeps_its_bits(seed):
     assert world.poses.tobytes() == poses
 
 
+@pytest.mark.parametrize('batch', [7, 420])
+def test_a_falling_pile_passes_the_golden_state(batch):
+    world = dropped_pile(23)
+    for _ in range(420 // batch):
+        world.step(batch)
+    assert world.counters['touching_pairs'] > 1000
+    assert world.digest() == GOLDEN['pile']
+
+
 @pytest.mark.parametrize('rate', [60, 240])
 def test_nothing_goes_through_the_plane_or_a_pile_at_100_metres_a_second(rate):
     draw, world = Draw(25), World(settings(rate))

@@ -53,7 +53,7 @@ MOST_ATTEMPTS = 4
 # after so many VISITS of pairs. It goes on through what touches for ROUNDS, shared among the cubes
 # that take part. In a crowd, a solution of more than FEW_PAIRS, all of these end sooner.
 ENOUGH, VISITS, ROUNDS = 1e-9, 16000, 24
-ENOUGH_OF_A_CROWD, VISITS_OF_A_CROWD, ROUNDS_OF_A_CROWD, FEW_PAIRS = 1e-4, 3000, 1, 64
+ENOUGH_OF_A_CROWD, VISITS_OF_A_CROWD, ROUNDS_OF_A_CROWD, FEW_PAIRS = 1e-3, 3000, 1, 64
 FEWEST_SWEEPS = 12
 # What touches takes part when it would be driven together with this share of the fastest hit.
 DRIVEN = 5e-3
