@@ -9,8 +9,8 @@ from support.physics_states import crowd
 GOLDEN = {
     'simple': '240d7c43b304fc3aaca59f49527de6c921a84be44c952ca33a5850f72f9d8521',
     # Of the runs in test_contact_cubes.
-    'pile': '22b400d90ee441f85eefde8b3ccb48453fd0534417180d5feadd00fa7455abdc',
-    'contact': '41fb62e7ebb178a0b712aa0cfa81a9672d71e332de7b7aba7aa6782eb2dd462f',
+    'pile': '9604f97dea76c0ca0437396d65bc810538eec10abd0716a4d6a5adaeaa035501',
+    'contact': '8fee0e2655d5fc37650440ee482d1f479f9a248ef12ffd05ef94a967e9969138',
     'impulse': '4ce3b631de96d474b9cadd9bb20b1f164d3a20dfdca116a8c9ff378850bdf903',
 }
 

@@ -55,6 +55,8 @@ MOST_ATTEMPTS = 4
 ENOUGH, VISITS, ROUNDS = 1e-9, 16000, 24
 ENOUGH_OF_A_CROWD, VISITS_OF_A_CROWD, ROUNDS_OF_A_CROWD, FEW_PAIRS = 1e-3, 3000, 1, 64
 FEWEST_SWEEPS = 12
+# A group that gains a smaller share of its energy is not solved again.
+SLIGHT = 1e-2
 # What touches takes part when it would be driven together with this share of the fastest hit.
 DRIVEN = 5e-3
 
@@ -79,7 +81,8 @@ def solve_impacts(
     still: normal and tangential parts come out coupled. What touches a cube that is hit holds it:
     round after round, pairs that the impact would drive together join the solution, without
     restitution. Restitution with friction could create energy; a group of cubes in which it does
-    is solved again with less friction, at last with none.
+    is solved again with less friction, at last with none, and what an unfinished solution still
+    gains is taken away by a scale of all its impulses.
     """
     first = counters[BLOCKS]
     last = gather_hits(blocks, lanes, first)
@@ -101,10 +104,7 @@ def solve_impacts(
         members = gather_members(marks, ends, bodies, lanes, last, grown, members)
         last = grown
         sweeps += settle(blocks, lanes, bodies, work, first, last, enough, visits)
-    for n in range(members):
-        cubes[int(bodies[ends[n, MEMBER], CUBE]), ENERGY] = 0.0
-    for n in range(members):
-        add_energy(cubes, marks, bodies, ends[n, MEMBER], rules, BEFORE, ENERGY)
+    note_energy(cubes, marks, ends, bodies, rules, members, BEFORE, ENERGY)
     for attempt in range(1, MOST_ATTEMPTS):
         share = 0.5 if attempt < MOST_ATTEMPTS - 1 else 0.0
         if not take_back(
@@ -112,6 +112,7 @@ def solve_impacts(
         ):
             break
         sweeps += settle(blocks, lanes, bodies, work, first, last, enough, visits)
+    hold_energy(cubes, marks, ends, bodies, blocks, lanes, rules, first, last, members)
     note_touched(blocks, lanes, bodies, first, last)
     for n in range(members):
         marks[int(bodies[ends[n, MEMBER], CUBE]), HIT_ROOT] = -1
@@ -265,22 +266,33 @@ def gather_members(
 
 
 @compiled
-def add_energy(
+def note_energy(
     cubes: Floats,
     marks: Integers,
+    ends: Integers,
     bodies: Floats,
-    slot: int,
     rules: Rules,
+    members: int,
     velocities: int,
     column: int,
 ) -> None:
-    """Add the kinetic energy of a body by the columns `velocities` to that of its group."""
+    """Write the kinetic energy of each group by the columns `velocities` of its bodies."""
+    for n in range(members):
+        cubes[int(bodies[ends[n, MEMBER], CUBE]), column] = 0.0
+    for n in range(members):
+        body = bodies[ends[n, MEMBER]]
+        energy = product(body, velocities, velocities, rules)
+        cubes[root(marks, HIT_ROOT, int(body[CUBE])), column] += 0.5 * energy
+
+
+@compiled
+def product(body: Floats, one: int, other: int, rules: Rules) -> float:
+    """Return the scalar product of two velocities of a body, by its mass and inertia, J."""
     total = 0.0
     for n in range(3):
-        v, w = bodies[slot, velocities + n], bodies[slot, velocities + 3 + n]
-        total += v * v
-        total += w * w / rules.inverse_inertia
-    cubes[root(marks, HIT_ROOT, int(bodies[slot, CUBE])), column] += 0.5 * total
+        total += body[one + n] * body[other + n]
+        total += body[one + 3 + n] * body[other + 3 + n] / rules.inverse_inertia
+    return total
 
 
 @compiled
@@ -298,15 +310,12 @@ def take_back(
     share: float,
 ) -> bool:
     """Undo the groups that gained energy and leave a `share` of their friction; say if any did."""
-    for n in range(members):
-        cubes[int(bodies[ends[n, MEMBER], CUBE]), ENERGY + 1] = 0.0
-    for n in range(members):
-        add_energy(cubes, marks, bodies, ends[n, MEMBER], rules, V, ENERGY + 1)
+    note_energy(cubes, marks, ends, bodies, rules, members, V, ENERGY + 1)
     undone = False
     for n in range(members):
         slot = ends[n, MEMBER]
         group = root(marks, HIT_ROOT, int(bodies[slot, CUBE]))
-        if cubes[group, ENERGY + 1] > cubes[group, ENERGY] * (1.0 + 1e-12):
+        if cubes[group, ENERGY + 1] > cubes[group, ENERGY] * (1.0 + SLIGHT):
             undone = True
             for k in range(6):
                 bodies[slot, V + k] = bodies[slot, BEFORE + k]
@@ -317,13 +326,70 @@ def take_back(
         for i in range(lane[LENGTH]):
             cube = lane[CUBE_A + i] if lane[BODY_A + i] > 0 else lane[CUBE_B + i]
             group = root(marks, HIT_ROOT, cube)
-            if cubes[group, ENERGY + 1] > cubes[group, ENERGY] * (1.0 + 1e-12):
+            if cubes[group, ENERGY + 1] > cubes[group, ENERGY] * (1.0 + SLIGHT):
                 block[FRICTION + i] *= share
                 for p in range(lane[COUNT]):
                     start = POINT + p * POINT_SIZE
                     for c in range(start + JN, start + JT + 3 * LANES, LANES):
                         block[c + i] = 0.0
     return True
+
+
+@compiled
+def hold_energy(
+    cubes: Floats,
+    marks: Integers,
+    ends: Integers,
+    bodies: Floats,
+    blocks: Floats,
+    lanes: Integers,
+    rules: Rules,
+    first: int,
+    last: int,
+    members: int,
+) -> None:
+    """
+    Scale the impulses of each group that has gained energy just so far that it stays.
+
+    With v + s dv the energy is a parabola in s, which begins at the energy of before; it comes back
+    to that at s = -(v.dv) / (dE - v.dv). Cones and momentum know no scale.
+    """
+    note_energy(cubes, marks, ends, bodies, rules, members, V, ENERGY + 1)
+    for n in range(members):
+        cubes[int(bodies[ends[n, MEMBER], CUBE]), ENERGY + 2] = 0.0
+    for n in range(members):
+        body = bodies[ends[n, MEMBER]]
+        group = root(marks, HIT_ROOT, int(body[CUBE]))
+        cubes[group, ENERGY + 2] += product(body, BEFORE, V, rules) - product(
+            body, BEFORE, BEFORE, rules
+        )
+    for n in range(members):
+        body = bodies[ends[n, MEMBER]]
+        scale = scale_of(cubes, root(marks, HIT_ROOT, int(body[CUBE])))
+        if scale < 1.0:
+            for k in range(6):
+                body[V + k] = body[BEFORE + k] + scale * (body[V + k] - body[BEFORE + k])
+    for k in range(first, last):
+        block, lane = blocks[k], lanes[k]
+        for i in range(lane[LENGTH]):
+            cube = lane[CUBE_A + i] if lane[BODY_A + i] > 0 else lane[CUBE_B + i]
+            scale = scale_of(cubes, root(marks, HIT_ROOT, cube))
+            if scale < 1.0:
+                for p in range(lane[COUNT]):
+                    start = POINT + p * POINT_SIZE
+                    for c in range(start + JN, start + JT + 3 * LANES, LANES):
+                        block[c + i] *= scale
+
+
+@compiled
+def scale_of(cubes: Floats, group: int) -> float:
+    """Return by what the impulses of a group are to be scaled; 1 where no energy was gained."""
+    gain = cubes[group, ENERGY + 1] - cubes[group, ENERGY]
+    along = cubes[group, ENERGY + 2]
+    if gain <= 0.0:
+        return 1.0
+    scale: float = max(-(along / (gain - along)), 0.0)
+    return scale
 
 
 @compiled

@@ -21,9 +21,11 @@ GONE = 55  # how far any of its points can have gone since the cube is there, m
 POSE = 56  # 7
 VELOCITY = 63  # 3: m/s
 MATRIX = 66  # 9: the rotation matrix by rows, in the collision phase
-ENERGY = 75  # 2: of the group of an impact, by its root, before and after, J
-MEAN = 77  # 8: the mean upright force of the plane at each corner of late, N
-CUBE_COLUMNS = 85
+# Of the group of an impact, by its root: energy before and after, J; the scalar product of the
+# velocities before with their change, by the masses, J.
+ENERGY = 75  # 3
+MEAN = 78  # 8: the mean upright force of the plane at each corner of late, N
+CUBE_COLUMNS = 86
 
 # marks
 ASLEEP = 0
@@ -86,7 +88,8 @@ FRICTION = 13 * LANES
 ACTED = 14 * LANES  # sum of all normal impulses seen: above zero where the pair did anything
 FIRST_WAY = 15 * LANES  # 3: WAY in the collision phase, m
 HITS = 18 * LANES  # how fast a point of the pair hits in this sub-step, m/s; 0 where none does
-POINT = 19 * LANES  # MOST_POINTS x POINT_SIZE
+MOVED = 19 * LANES  # 3: how HALF has changed in the last sub-step, m
+POINT = 22 * LANES  # MOST_POINTS x POINT_SIZE
 # of a point
 ARM = 0 * LANES  # 3: from the first centre to the point that both share, collision phase, m
 JN, JT = 3 * LANES, 4 * LANES  # normal impulse; tangential (3), N s of one sub-step

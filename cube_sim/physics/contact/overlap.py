@@ -7,6 +7,8 @@ an unfinished solution leaves of a push would feed the next one, and stacks woul
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,9 +22,13 @@ from cube_sim.physics.contact.layout import (
     DEEP,
     GAP,
     INERTIA_A,
+    INERTIA_B,
     JP,
     LANES,
+    MASS_A,
+    MASS_B,
     MASS_N,
+    MOVED,
     POINT,
     POINT_SIZE,
     PUSHED,
@@ -37,7 +43,7 @@ from cube_sim.physics.contact.layout import (
     Z,
 )
 from cube_sim.physics.contact.relative_motion import apply_to_both, arms_now, cross, parting
-from cube_sim.physics.contact.solver import give, take
+from cube_sim.physics.contact.solver import give, give_one, take, take_one
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -150,35 +156,71 @@ def part(block: Floats, point: Floats, work: Floats) -> int:
 
 @compiled
 def keep_angular_momentum(
-    blocks: Floats, lanes: Integers, bodies: Floats, counters: Integers, time: float
+    blocks: Floats, lanes: Integers, bodies: Floats, work: Floats, counters: Integers
 ) -> None:
     """
     Turn pushed pairs by what moving their centres without their momentum did to the angular one.
 
-    To be called after a sub-step of `time`, s, has moved them. It is as if the push J had been
+    To be called when a sub-step has moved them (`move_along`). It is as if the push J had been
     given before the motion and taken back after it, each in the point that both share: the
     velocities are as before, and each spin gains d x J / I, where 2 d is how far the centres
-    have moved against each other.
+    have moved against each other. What energy that gives is taken from their sliding.
     """
-    half = 0.5 * time
     for k in range(counters[BLOCKS]):
         block, lane = blocks[k], lanes[k]
         for i in range(LANES):
             a, b = bodies[lane[BODY_A + i]], bodies[lane[BODY_B + i]]
             if lane[BODY_A + i] == 0 or lane[BODY_B + i] == 0 or a[PUSHING] == 0.0:
                 continue
-            push = 0.0
+            push, most, hardest = 0.0, 0.0, 0
             for p in range(lane[COUNT]):
-                push += block[POINT + p * POINT_SIZE + JP + i]
+                jp = block[POINT + p * POINT_SIZE + JP + i]
+                push += jp
+                if jp > most:
+                    most, hardest = jp, p
+            if push == 0.0:
+                continue
             x, y, z = cross(
-                half * ((b[V] + b[PUSHED]) - (a[V] + a[PUSHED])),
-                half * ((b[V + 1] + b[PUSHED + 1]) - (a[V + 1] + a[PUSHED + 1])),
-                half * ((b[V + 2] + b[PUSHED + 2]) - (a[V + 2] + a[PUSHED + 2])),
+                block[MOVED + X + i],
+                block[MOVED + Y + i],
+                block[MOVED + Z + i],
                 push * block[N + X + i],
                 push * block[N + Y + i],
                 push * block[N + Z + i],
             )
+            # I (w + d x J / I)^2 / 2 - I w^2 / 2, of both.
+            turn = block[INERTIA_A + i]
+            gain = turn * ((x * x + y * y) + z * z)
+            gain += ((a[W] + b[W]) * x + (a[W + 1] + b[W + 1]) * y) + (a[W + 2] + b[W + 2]) * z
             for body in (a, b):
-                body[W] += block[INERTIA_A + i] * x
-                body[W + 1] += block[INERTIA_A + i] * y
-                body[W + 2] += block[INERTIA_A + i] * z
+                body[W] += turn * x
+                body[W + 1] += turn * y
+                body[W + 2] += turn * z
+            if gain > 0.0:
+                take_one(bodies, lane, V, work, i)
+                start = POINT + hardest * POINT_SIZE
+                slow(block, block[start : start + POINT_SIZE], work, i, gain)
+                give_one(bodies, lane, V, work, i)
+
+
+@compiled
+def slow(block: Floats, point: Floats, work: Floats, i: int, energy: float) -> None:
+    """Take so much energy, J, from the sliding of pair i at a point, or as much as there is."""
+    nx, ny, nz = block[N + X + i], block[N + Y + i], block[N + Z + i]
+    arms = arms_now(block, point, i)
+    ux, uy, uz = parting(work, i, arms)
+    un = (ux * nx + uy * ny) + uz * nz
+    ux, uy, uz = ux - un * nx, uy - un * ny, uz - un * nz
+    speed = math.sqrt((ux * ux + uy * uy) + uz * uz)
+    if speed == 0.0:
+        return
+    tx, ty, tz = ux / speed, uy / speed, uz / speed
+    ax, ay, az = cross(arms[0], arms[1], arms[2], tx, ty, tz)
+    bx, by, bz = cross(arms[3], arms[4], arms[5], tx, ty, tz)
+    inverse = block[MASS_A + i] + block[MASS_B + i]
+    inverse += block[INERTIA_A + i] * ((ax * ax + ay * ay) + az * az)
+    inverse += block[INERTIA_B + i] * ((bx * bx + by * by) + bz * bz)
+    # The impulse j for which j speed - j^2 inverse / 2 is the energy.
+    left = max(speed * speed - 2.0 * inverse * energy, 0.0)
+    j = (speed - math.sqrt(left)) / inverse
+    apply_to_both(block, work, i, arms, -j * tx, -j * ty, -j * tz)

@@ -35,6 +35,7 @@ from cube_sim.physics.contact.layout import (
     LANES,
     MASS_N,
     MASS_T,
+    MOVED,
     POINT,
     POINT_SIZE,
     SHIFT,
@@ -91,11 +92,17 @@ def take_one(bodies: Floats, lane: Integers, first: int, work: Floats, i: int) -
 def give(bodies: Floats, lane: Integers, first: int, work: Floats) -> None:
     """Put the six columns back. What nothing moves gets the zeros that it gave."""
     for i in range(LANES):
-        a = bodies[lane[BODY_A + i]]
-        b = bodies[lane[BODY_B + i]]
-        for n in range(6):
-            a[first + n] = work[WORK_A + n * LANES + i]
-            b[first + n] = work[WORK_B + n * LANES + i]
+        give_one(bodies, lane, first, work, i)
+
+
+@compiled_inside
+def give_one(bodies: Floats, lane: Integers, first: int, work: Floats, i: int) -> None:
+    """Do so for pair i."""
+    a = bodies[lane[BODY_A + i]]
+    b = bodies[lane[BODY_B + i]]
+    for n in range(6):
+        a[first + n] = work[WORK_A + n * LANES + i]
+        b[first + n] = work[WORK_B + n * LANES + i]
 
 
 @compiled_alone
@@ -220,6 +227,7 @@ def move_along(
         for i in range(LANES):
             for c in range(0, 3 * LANES, LANES):
                 shift = work[BV + c + i] - work[AV + c + i]
+                block[MOVED + c + i] = 0.5 * shift - block[HALF + c + i]
                 block[HALF + c + i] = 0.5 * shift
                 block[WAY + c + i] = block[FIRST_WAY + c + i] + shift
         deep = 0

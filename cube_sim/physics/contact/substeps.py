@@ -116,9 +116,9 @@ def step_in_common(
         pushes = max(most // SWEEPS_OF_A_PUSH, 1)
         pushed = push_apart(blocks, lanes, bodies, work, counters, time, slop, pushes)
         advance_bodies(bodies, counters, time)
-        if pushed > 0:
-            keep_angular_momentum(blocks, lanes, bodies, counters, time)
         move_along(blocks, lanes, bodies, work, count, time, slop, 1.0)
+        if pushed > 0:
+            keep_angular_momentum(blocks, lanes, bodies, work, counters)
     note_touched(blocks, lanes, bodies, 0, count)
     put_down(state, bodies, counters, rules)
     read_back(cubes, pairs, ends, blocks, lanes, counters, rules, ground, scale, time)
