@@ -195,7 +195,8 @@ def test_cubes_that_collide_keep_their_momentum_and_gain_no_energy():
 @pytest.mark.parametrize(('restitution', 'height'), [(0.5, 1.0), (0.9, 0.5)])
 @pytest.mark.parametrize('below', [1, 3, 9])
 def test_a_cube_dropped_on_a_stack_rebounds_as_from_the_plane(below, restitution, height, rate):
-    # What carries the one that is hit holds it: rebound e^2 h, up to the length of a sub-step.
+    # What carries the one that is hit holds it: rebound e^2 h. The apex lies between two steps, and
+    # through a high stack the impact is not quite solved out.
     world = World(settings(rate, restitution=restitution, sleep=False))
     for level in range(below):
         world.throw((0.0, 0.0, 0.25 + 0.5 * level), FLAT)
@@ -210,7 +211,7 @@ def test_a_cube_dropped_on_a_stack_rebounds_as_from_the_plane(below, restitution
             break
     assert turned_back
     rebound = world.poses[below, 2] - 0.25 - 0.5 * below
-    assert rebound == pytest.approx(restitution**2 * height, rel=0.015)
+    assert rebound == pytest.approx(restitution**2 * height, rel=0.003 if below < 9 else 0.015)
 
 
 @pytest.mark.parametrize('rate', [60, 240])

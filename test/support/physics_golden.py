@@ -9,8 +9,8 @@ from support.physics_states import crowd
 GOLDEN = {
     'simple': '240d7c43b304fc3aaca59f49527de6c921a84be44c952ca33a5850f72f9d8521',
     # Of the runs in test_contact_cubes.
-    'pile': '9604f97dea76c0ca0437396d65bc810538eec10abd0716a4d6a5adaeaa035501',
-    'contact': '8fee0e2655d5fc37650440ee482d1f479f9a248ef12ffd05ef94a967e9969138',
+    'pile': 'a52415dba9cebe0820528d45964fc22d55eb1ae99fb14f45f407d02509c73d00',
+    'contact': '62644f8abd6b6e96e9bfcd4112822922e3b055cb5d68c6eafe50523dad425323',
     'impulse': '4ce3b631de96d474b9cadd9bb20b1f164d3a20dfdca116a8c9ff378850bdf903',
 }
 

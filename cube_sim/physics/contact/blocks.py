@@ -18,6 +18,8 @@ from cube_sim.physics.contact.layout import (
     BODY_A,
     BODY_B,
     BODY_COLUMNS,
+    CARRIED,
+    CLOSING,
     COLOUR,
     COLOURS,
     COUNT,
@@ -102,6 +104,7 @@ def take_up_bodies(
                 body[V + n] = state[7 + n, i]
                 body[SHIFT + n] = 0.0
             body[TOUCHED] = 0.0
+            body[CARRIED] = 0.0
             body[CUBE] = float(i)
             number += 1
     counters[BODIES] = number
@@ -173,6 +176,7 @@ def fill_blocks(
     marks: Integers,
     pairs: Floats,
     ends: Integers,
+    bodies: Floats,
     blocks: Floats,
     lanes: Integers,
     counters: Integers,
@@ -216,11 +220,23 @@ def fill_blocks(
                 for c in range(4):
                     block[start + JN + c * LANES + i] = pairs[row, at + c] * scale
                 mean, jn = pairs[row, at + KEPT_MEAN - KEPT_N], pairs[row, at]
+                if jn > 0.0:
+                    bodies[marks[a, SLOT], CARRIED] = 1.0
+                    bodies[marks[b, SLOT], CARRIED] = 1.0
                 if mean > 0.0 and jn > 0.0:
                     block[start + JN + i] = (jn + drawn * (mean - jn)) * scale
         for p in range(lane[COUNT]):
             start = POINT + p * POINT_SIZE
             weigh(block, block[start : start + POINT_SIZE])
+    for k in range(counters[BLOCKS]):
+        block, lane = blocks[k], lanes[k]
+        for i in range(LANES):
+            # What nothing moves does not fall, nor does what is carried.
+            falls_a = block[MASS_A + i] * (1.0 - bodies[lane[BODY_A + i], CARRIED])
+            falls_b = block[MASS_B + i] * (1.0 - bodies[lane[BODY_B + i], CARRIED])
+            gx, gy, gz = rules.gx, rules.gy, rules.gz
+            along = (gx * block[N + X + i] + gy * block[N + Y + i]) + gz * block[N + Z + i]
+            block[CLOSING + i] = (falls_a - falls_b) * along
 
 
 @compiled

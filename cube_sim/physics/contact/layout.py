@@ -74,6 +74,7 @@ CUBE = 14  # its number
 BEFORE = 16  # 6: the velocities before an impact
 PUSHED = 24  # 6: the velocities that take overlap away in this sub-step
 PUSHING = 30  # whether it has any
+CARRIED = 31  # whether what it touches has carried it
 BODY_COLUMNS = 32
 
 # blocks: eight pairs side by side that share no body, so that each operation is done for all.
@@ -89,7 +90,8 @@ ACTED = 14 * LANES  # sum of all normal impulses seen: above zero where the pair
 FIRST_WAY = 15 * LANES  # 3: WAY in the collision phase, m
 HITS = 18 * LANES  # how fast a point of the pair hits in this sub-step, m/s; 0 where none does
 MOVED = 19 * LANES  # 3: how HALF has changed in the last sub-step, m
-POINT = 22 * LANES  # MOST_POINTS x POINT_SIZE
+CLOSING = 22 * LANES  # how fast gravity makes the second body approach the first, m/s^2
+POINT = 23 * LANES  # MOST_POINTS x POINT_SIZE
 # of a point
 ARM = 0 * LANES  # 3: from the first centre to the point that both share, collision phase, m
 JN, JT = 3 * LANES, 4 * LANES  # normal impulse; tangential (3), N s of one sub-step

@@ -20,6 +20,7 @@ from cube_sim.physics.contact.layout import (
     BODY_A,
     BODY_B,
     BOUNCE,
+    CLOSING,
     COUNT,
     CROSS,
     DEEP,
@@ -338,6 +339,12 @@ def find_hit(
         carries = point[JN + i] > 0.0
         hits = (un < -threshold) & (gap + time * un <= 0.0) & (not carries)
         held = carries | ((un < threshold) & (gap <= slop))
-        bounce = -(restitution * un) if hits else (0.0 if held else -1.0)
+        # It hits with what it gains on its way through the gap, and shall come as high as if it had
+        # left from there: (e^2 (u^2 + 2 a gap) - 2 a gap), as it is turned back here and now.
+        lost = 2.0 * (1.0 - restitution * restitution)
+        square = (restitution * un) * (restitution * un)
+        square -= lost * (block[CLOSING + i] * max(gap, 0.0))
+        speed = math.sqrt(max(square, 0.0))
+        bounce = speed if hits else (0.0 if held else -1.0)
         point[BOUNCE + i] = bounce
         block[HITS + i] = max(block[HITS + i], -un) if hits else block[HITS + i]

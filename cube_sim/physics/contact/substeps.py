@@ -87,7 +87,7 @@ def step_in_common(
     colour_pairs(marks, ends, counters)
     lay_out(ends, lanes, counters)
     scale = time / last_time
-    fill_blocks(cubes, marks, pairs, ends, blocks, lanes, counters, rules, ground, scale)
+    fill_blocks(cubes, marks, pairs, ends, bodies, blocks, lanes, counters, rules, ground, scale)
     count = counters[BLOCKS]
 
     # Small groups are solved out, large ones as far as the time allows: sweeps are rationed.
