@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from cube_sim.physics.compiled import compiled
 from cube_sim.physics.contact.blocks import clear, note_touched
-from cube_sim.physics.contact.forest import join, root
+from cube_sim.physics.contact.forest import join
+from cube_sim.physics.contact.impact_energy import hold_energy, note_energy, take_back
 from cube_sim.physics.contact.layout import (
     ACTIVES,
     BEFORE,
@@ -21,7 +22,6 @@ from cube_sim.physics.contact.layout import (
     CUBE_A,
     CUBE_B,
     ENERGY,
-    FRICTION,
     GAP,
     HIT_ROOT,
     HITS,
@@ -55,8 +55,6 @@ MOST_ATTEMPTS = 4
 ENOUGH, VISITS, ROUNDS = 1e-9, 16000, 24
 ENOUGH_OF_A_CROWD, VISITS_OF_A_CROWD, ROUNDS_OF_A_CROWD, FEW_PAIRS = 1e-3, 3000, 1, 64
 FEWEST_SWEEPS = 12
-# A group that gains a smaller share of its energy is not solved again.
-SLIGHT = 1e-2
 # What touches takes part when it would be driven together with this share of the fastest hit.
 DRIVEN = 5e-3
 
@@ -263,133 +261,6 @@ def gather_members(
             if lane[BODY_A + i] > 0 and lane[BODY_B + i] > 0:
                 join(marks, HIT_ROOT, lane[CUBE_A + i], lane[CUBE_B + i])
     return members
-
-
-@compiled
-def note_energy(
-    cubes: Floats,
-    marks: Integers,
-    ends: Integers,
-    bodies: Floats,
-    rules: Rules,
-    members: int,
-    velocities: int,
-    column: int,
-) -> None:
-    """Write the kinetic energy of each group by the columns `velocities` of its bodies."""
-    for n in range(members):
-        cubes[int(bodies[ends[n, MEMBER], CUBE]), column] = 0.0
-    for n in range(members):
-        body = bodies[ends[n, MEMBER]]
-        energy = product(body, velocities, velocities, rules)
-        cubes[root(marks, HIT_ROOT, int(body[CUBE])), column] += 0.5 * energy
-
-
-@compiled
-def product(body: Floats, one: int, other: int, rules: Rules) -> float:
-    """Return the scalar product of two velocities of a body, by its mass and inertia, J."""
-    total = 0.0
-    for n in range(3):
-        total += body[one + n] * body[other + n]
-        total += body[one + 3 + n] * body[other + 3 + n] / rules.inverse_inertia
-    return total
-
-
-@compiled
-def take_back(
-    cubes: Floats,
-    marks: Integers,
-    ends: Integers,
-    bodies: Floats,
-    blocks: Floats,
-    lanes: Integers,
-    rules: Rules,
-    first: int,
-    last: int,
-    members: int,
-    share: float,
-) -> bool:
-    """Undo the groups that gained energy and leave a `share` of their friction; say if any did."""
-    note_energy(cubes, marks, ends, bodies, rules, members, V, ENERGY + 1)
-    undone = False
-    for n in range(members):
-        slot = ends[n, MEMBER]
-        group = root(marks, HIT_ROOT, int(bodies[slot, CUBE]))
-        if cubes[group, ENERGY + 1] > cubes[group, ENERGY] * (1.0 + SLIGHT):
-            undone = True
-            for k in range(6):
-                bodies[slot, V + k] = bodies[slot, BEFORE + k]
-    if not undone:
-        return False
-    for k in range(first, last):
-        block, lane = blocks[k], lanes[k]
-        for i in range(lane[LENGTH]):
-            cube = lane[CUBE_A + i] if lane[BODY_A + i] > 0 else lane[CUBE_B + i]
-            group = root(marks, HIT_ROOT, cube)
-            if cubes[group, ENERGY + 1] > cubes[group, ENERGY] * (1.0 + SLIGHT):
-                block[FRICTION + i] *= share
-                for p in range(lane[COUNT]):
-                    start = POINT + p * POINT_SIZE
-                    for c in range(start + JN, start + JT + 3 * LANES, LANES):
-                        block[c + i] = 0.0
-    return True
-
-
-@compiled
-def hold_energy(
-    cubes: Floats,
-    marks: Integers,
-    ends: Integers,
-    bodies: Floats,
-    blocks: Floats,
-    lanes: Integers,
-    rules: Rules,
-    first: int,
-    last: int,
-    members: int,
-) -> None:
-    """
-    Scale the impulses of each group that has gained energy just so far that it stays.
-
-    With v + s dv the energy is a parabola in s, which begins at the energy of before; it comes back
-    to that at s = -(v.dv) / (dE - v.dv). Cones and momentum know no scale.
-    """
-    note_energy(cubes, marks, ends, bodies, rules, members, V, ENERGY + 1)
-    for n in range(members):
-        cubes[int(bodies[ends[n, MEMBER], CUBE]), ENERGY + 2] = 0.0
-    for n in range(members):
-        body = bodies[ends[n, MEMBER]]
-        group = root(marks, HIT_ROOT, int(body[CUBE]))
-        cubes[group, ENERGY + 2] += product(body, BEFORE, V, rules) - product(
-            body, BEFORE, BEFORE, rules
-        )
-    for n in range(members):
-        body = bodies[ends[n, MEMBER]]
-        scale = scale_of(cubes, root(marks, HIT_ROOT, int(body[CUBE])))
-        if scale < 1.0:
-            for k in range(6):
-                body[V + k] = body[BEFORE + k] + scale * (body[V + k] - body[BEFORE + k])
-    for k in range(first, last):
-        block, lane = blocks[k], lanes[k]
-        for i in range(lane[LENGTH]):
-            cube = lane[CUBE_A + i] if lane[BODY_A + i] > 0 else lane[CUBE_B + i]
-            scale = scale_of(cubes, root(marks, HIT_ROOT, cube))
-            if scale < 1.0:
-                for p in range(lane[COUNT]):
-                    start = POINT + p * POINT_SIZE
-                    for c in range(start + JN, start + JT + 3 * LANES, LANES):
-                        block[c + i] *= scale
-
-
-@compiled
-def scale_of(cubes: Floats, group: int) -> float:
-    """Return by what the impulses of a group are to be scaled; 1 where no energy was gained."""
-    gain = cubes[group, ENERGY + 1] - cubes[group, ENERGY]
-    along = cubes[group, ENERGY + 2]
-    if gain <= 0.0:
-        return 1.0
-    scale: float = max(-(along / (gain - along)), 0.0)
-    return scale
 
 
 @compiled

@@ -1,0 +1,174 @@
+"""The energy of the groups of cubes that impacts join: an impact never adds to it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cube_sim.physics.compiled import compiled
+from cube_sim.physics.contact.forest import root
+from cube_sim.physics.contact.layout import (
+    BEFORE,
+    BODY_A,
+    COUNT,
+    CUBE,
+    CUBE_A,
+    CUBE_B,
+    ENERGY,
+    FRICTION,
+    HIT_ROOT,
+    JN,
+    JT,
+    LANES,
+    LENGTH,
+    MEMBER,
+    POINT,
+    POINT_SIZE,
+    V,
+)
+from cube_sim.physics.contact.rules import Rules
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# A group that gains a smaller share of its energy is not solved again.
+SLIGHT = 1e-2
+
+
+@compiled
+def note_energy(
+    cubes: Floats,
+    marks: Integers,
+    ends: Integers,
+    bodies: Floats,
+    rules: Rules,
+    members: int,
+    velocities: int,
+    column: int,
+) -> None:
+    """Write the kinetic energy of each group by the columns `velocities` of its bodies."""
+    for n in range(members):
+        cubes[int(bodies[ends[n, MEMBER], CUBE]), column] = 0.0
+    for n in range(members):
+        body = bodies[ends[n, MEMBER]]
+        energy = product(body, velocities, velocities, rules)
+        cubes[root(marks, HIT_ROOT, int(body[CUBE])), column] += 0.5 * energy
+
+
+@compiled
+def product(body: Floats, one: int, other: int, rules: Rules) -> float:
+    """Return the scalar product of two velocities of a body, by its mass and inertia, J."""
+    total = 0.0
+    for n in range(3):
+        total += body[one + n] * body[other + n]
+        total += body[one + 3 + n] * body[other + 3 + n] / rules.inverse_inertia
+    return total
+
+
+@compiled
+def take_back(
+    cubes: Floats,
+    marks: Integers,
+    ends: Integers,
+    bodies: Floats,
+    blocks: Floats,
+    lanes: Integers,
+    rules: Rules,
+    first: int,
+    last: int,
+    members: int,
+    share: float,
+) -> bool:
+    """
+    Undo the groups that gained more than SLIGHT, and leave a `share` of their friction.
+
+    Return whether there was any.
+    """
+    note_energy(cubes, marks, ends, bodies, rules, members, V, ENERGY + 1)
+    undone = False
+    for n in range(members):
+        slot = ends[n, MEMBER]
+        group = root(marks, HIT_ROOT, int(bodies[slot, CUBE]))
+        if cubes[group, ENERGY + 1] > cubes[group, ENERGY] * (1.0 + SLIGHT):
+            undone = True
+            for k in range(6):
+                bodies[slot, V + k] = bodies[slot, BEFORE + k]
+    if not undone:
+        return False
+    for k in range(first, last):
+        block, lane = blocks[k], lanes[k]
+        for i in range(lane[LENGTH]):
+            group = group_of_pair(marks, lane, i)
+            if cubes[group, ENERGY + 1] > cubes[group, ENERGY] * (1.0 + SLIGHT):
+                block[FRICTION + i] *= share
+                scale_impulses(block, lane[COUNT], i, 0.0)
+    return True
+
+
+@compiled
+def hold_energy(
+    cubes: Floats,
+    marks: Integers,
+    ends: Integers,
+    bodies: Floats,
+    blocks: Floats,
+    lanes: Integers,
+    rules: Rules,
+    first: int,
+    last: int,
+    members: int,
+) -> None:
+    """
+    Scale the impulses of each group that has gained energy just so far that it stays.
+
+    With v + s dv the energy is a parabola in s, which begins at the energy of before; it comes back
+    to that at s = -(v.dv) / (dE - v.dv). Cones and momentum know no scale.
+    """
+    note_energy(cubes, marks, ends, bodies, rules, members, V, ENERGY + 1)
+    for n in range(members):
+        cubes[int(bodies[ends[n, MEMBER], CUBE]), ENERGY + 2] = 0.0
+    for n in range(members):
+        body = bodies[ends[n, MEMBER]]
+        group = root(marks, HIT_ROOT, int(body[CUBE]))
+        cubes[group, ENERGY + 2] += product(body, BEFORE, V, rules) - product(
+            body, BEFORE, BEFORE, rules
+        )
+    for n in range(members):
+        body = bodies[ends[n, MEMBER]]
+        scale = scale_of(cubes, root(marks, HIT_ROOT, int(body[CUBE])))
+        if scale < 1.0:
+            for k in range(6):
+                body[V + k] = body[BEFORE + k] + scale * (body[V + k] - body[BEFORE + k])
+    for k in range(first, last):
+        block, lane = blocks[k], lanes[k]
+        for i in range(lane[LENGTH]):
+            scale = scale_of(cubes, group_of_pair(marks, lane, i))
+            if scale < 1.0:
+                scale_impulses(block, lane[COUNT], i, scale)
+
+
+@compiled
+def scale_of(cubes: Floats, group: int) -> float:
+    """Return by what the impulses of a group are to be scaled; 1 where no energy was gained."""
+    gain = cubes[group, ENERGY + 1] - cubes[group, ENERGY]
+    along = cubes[group, ENERGY + 2]
+    if gain <= 0.0:
+        return 1.0
+    scale: float = max(-(along / (gain - along)), 0.0)
+    return scale
+
+
+@compiled
+def group_of_pair(marks: Integers, lane: Integers, i: int) -> int:
+    """Return the group of pair i of a block: that of the one of its cubes that moves."""
+    cube = lane[CUBE_A + i] if lane[BODY_A + i] > 0 else lane[CUBE_B + i]
+    return root(marks, HIT_ROOT, cube)
+
+
+@compiled
+def scale_impulses(block: Floats, count: int, i: int, scale: float) -> None:
+    """Scale the impulses of pair i of a block."""
+    for p in range(count):
+        start = POINT + p * POINT_SIZE
+        for c in range(start + JN, start + JT + 3 * LANES, LANES):
+            block[c + i] *= scale
