@@ -143,15 +143,16 @@ def impulse_error(r: Floats, u: Floats, j: Floats, e: float, mu: float) -> float
     )
 
 
-def collisions() -> tuple[str, str]:
+def collisions() -> tuple[str, str, str]:
     """
     Return how much momentum pairs of cubes lose or gain as they collide, and their energy.
 
     Linear and angular momentum about the middle of the pair; of the energy how many gain more
-    than a millionth of a percent, and the largest relative gain.
+    than a millionth of a percent, and the largest relative gain; and the largest loss of those
+    that should lose none (e = 1, no friction).
     """
     rng = np.random.default_rng(1)
-    worst, gained, largest, done = 0.0, 0, -1.0, 0
+    worst, gained, largest, done, lost = 0.0, 0, -1.0, 0, 0.0
     for e in (0.0, 0.5, 1.0):
         for mu in (0.0, 0.3, 1.0, 3.0):
             struck = world(gravity=0.0, restitution=e, friction=mu)
@@ -171,7 +172,10 @@ def collisions() -> tuple[str, str]:
             gained += int((gain > 1e-8).sum())
             largest = max(largest, float(gain.max()))
             done += PAIRS
-    return f'{worst:.1e}', f'{gained} of {done} (at most {max(largest, 0.0):.0e})'
+            if e == 1.0 and mu == 0.0:
+                lost = float(-gain.min())
+    gains = f'{gained} of {done} (at most {max(largest, 0.0):.0e})'
+    return f'{worst:.1e}', gains, f'{lost:.0e}'
 
 
 def energies(struck: World) -> Floats:
@@ -197,7 +201,7 @@ def main() -> None:
     """Measure and print the table."""
     print('| quantity | cube_sim | to reach | peers |\n|---|---|---|---|')
     error, gained = corner_impacts()
-    momentum, pairs_gained = collisions()
+    momentum, pairs_gained, pairs_lost = collisions()
     third = 'friction a third short: Box3D, Rapier'
     for name, measured, aim, peers in (
         ('rebound of a 1 m drop', rebound(), '0.1 %', 'MuJoCo -1.1 %, DART +2.1 %, Rapier -2.9 %'),
@@ -209,6 +213,7 @@ def main() -> None:
         ('energy, 49 elastic, 20 s', elastic(), '5.7e-6', 'RaiSim 5.7e-6, ODE 5.7e-4 (balls)'),
         ('momentum of two that collide', momentum, 'rounding', ''),
         ('pairs that gain energy', pairs_gained, '0', ''),
+        ('largest loss of an elastic pair', pairs_lost, '0', ''),
     ):
         print(f'| {name} | {measured} | {aim} | {peers} |', flush=True)
 

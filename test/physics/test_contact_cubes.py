@@ -191,6 +191,80 @@ def test_cubes_that_collide_keep_their_momentum_and_gain_no_energy():
     assert hits > 90
 
 
+@pytest.mark.parametrize('rate', [60, 240, 500, 1000])
+@pytest.mark.parametrize('turned', [False, True])
+def test_elastic_cubes_that_meet_keep_their_energy(rate, turned):
+    # Also with round speeds and gaps, with which the gap closes right at the end of a sub-step.
+    draw, count = Draw(26), 200
+    world = World(settings(rate, gravity=0.0, restitution=1.0, friction=0.0))
+    for index in range(count):
+        speed, gap = 1 + index % 10, 0.5 + 0.1 * (index // 10)
+        middle = np.array([100.0 * (index % 14 - 7), 9.0 * (index // 14 - 7), 50.0])
+        for side in (-1.0, 1.0):
+            turn, spin = FLAT, (0.0, 0.0, 0.0)
+            if turned:
+                turn, spin = draw.orientation(), draw.vector(-3.0, 3.0)
+            place = np.add(middle, (0.5 * side * (gap + 0.5), 0.0, 0.0))
+            world.throw(place, turn, (-0.5 * side * speed, 0.0, 0.0), spin)
+    start = energy_of_pairs(world)
+    world.step(3 * rate)
+    np.testing.assert_allclose(energy_of_pairs(world), start, rtol=1e-8)
+    if not turned:
+        speeds = np.array([1 + index % 10 for index in range(count)])
+        # They have met, and each has the velocity of the other.
+        np.testing.assert_allclose(world.velocities[::2, 0], -0.5 * speeds, rtol=1e-8)
+
+
+def energy_of_pairs(world: World) -> np.ndarray:
+    """The kinetic energy of each two cubes that were thrown one after the other, J."""
+    v, w = world.velocities[:, :3], world.velocities[:, 3:]
+    return (0.5 * (v * v).sum(1) + 0.5 * INERTIA * (w * w).sum(1)).reshape(-1, 2).sum(1)
+
+
+@pytest.mark.parametrize('gap', [1e-3, 0.1])
+def test_a_row_of_elastic_cubes_hands_an_impact_to_its_end(gap):
+    world = World(settings(500, gravity=0.0, restitution=1.0, friction=0.0))
+    for index in range(5):
+        world.throw(((0.5 + gap) * index, 0.0, 50.0), FLAT)
+    world.throw((-2.0, 0.0, 50.0), FLAT, (2.0, 0.0, 0.0))
+    world.step(1000)
+    np.testing.assert_allclose(world.velocities[:, 0], [0, 0, 0, 0, 2, 0], atol=1e-6)
+
+
+def test_a_gas_of_elastic_cubes_keeps_its_energy():
+    draw = Draw(27)
+    world = World(settings(500, gravity=0.0, restitution=1.0, friction=0.0))
+    for index in range(64):
+        place = (index // 16, index // 4 % 4, 100 + index % 4)
+        world.throw(place, draw.orientation(), draw.vector(-3.0, 3.0), draw.vector(-3.0, 3.0))
+    start = energy_of_pairs(world).sum()
+    impacts = 0
+    for _ in range(1000):
+        world.step()
+        impacts += world.counters['impacts']
+    assert impacts > 50
+    assert energy_of_pairs(world).sum() == pytest.approx(start, rel=1e-6)
+
+
+def test_cubes_that_touch_do_not_sleep_in_mid_air():
+    world = World(settings(gravity=0.01))
+    world.throw((0.0, 0.0, 5.0), FLAT)
+    world.throw((0.5, 0.0, 5.0), FLAT)
+    world.step(2400)
+    assert world.awake == 2
+    np.testing.assert_allclose(world.poses[:, 2], 4.5, atol=1e-6)
+
+
+@pytest.mark.parametrize('count', [2, 3, 10])
+def test_cubes_in_one_place_at_rest_part_without_a_velocity(count):
+    world = World(settings(gravity=0.0))
+    world.throw(np.tile([0.0, 0.0, 50.0], (count, 1)), FLAT)
+    world.step(1440)
+    assert np.abs(world.velocities).max() < 1e-12
+    assert deepest(world)[1] < 1e-4
+    assert world.awake == count
+
+
 @pytest.mark.parametrize('rate', [60, 240, 1000])
 @pytest.mark.parametrize(('restitution', 'height'), [(0.5, 1.0), (0.9, 0.5)])
 @pytest.mark.parametrize('below', [1, 3, 9])

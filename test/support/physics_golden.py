@@ -9,8 +9,8 @@ from support.physics_states import crowd
 GOLDEN = {
     'simple': '240d7c43b304fc3aaca59f49527de6c921a84be44c952ca33a5850f72f9d8521',
     # Of the runs in test_contact_cubes.
-    'pile': 'a52415dba9cebe0820528d45964fc22d55eb1ae99fb14f45f407d02509c73d00',
-    'contact': '62644f8abd6b6e96e9bfcd4112822922e3b055cb5d68c6eafe50523dad425323',
+    'pile': '0631fb28c7baae30c0f30704780107cbfac8ed28a263927fca24b3550f381c9b',
+    'contact': 'f36b7a4073e8f98e6de8e7837a009f24b3408dd1f9c6c9f716fe37d81a5bc6db',
     'impulse': '4ce3b631de96d474b9cadd9bb20b1f164d3a20dfdca116a8c9ff378850bdf903',
 }
 

@@ -39,7 +39,8 @@ ON_PLANE = 12  # has forces of the plane to be forgotten
 HIT_ROOT = 7  # parent in the forest of cubes that an impact joins; -1 for those without one
 CELL = 8  # 3: its cell of the grid
 NEXT = 11  # the next cube of the same bucket
-MARK_COLUMNS = 13
+RESTS = 13  # of an island, by its root: whether it rests on something; -1 for one in overlap
+MARK_COLUMNS = 14
 
 # pairs
 LOCAL_NORMAL = 0  # 3: unit vector from the first cube to the second, in the axes of the first

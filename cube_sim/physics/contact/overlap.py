@@ -156,16 +156,18 @@ def part(block: Floats, point: Floats, work: Floats) -> int:
 
 @compiled
 def keep_angular_momentum(
-    blocks: Floats, lanes: Integers, bodies: Floats, work: Floats, counters: Integers
+    blocks: Floats, lanes: Integers, bodies: Floats, work: Floats, counters: Integers, time: float
 ) -> None:
     """
     Turn pushed pairs by what moving their centres without their momentum did to the angular one.
 
-    To be called when a sub-step has moved them (`move_along`). It is as if the push J had been
-    given before the motion and taken back after it, each in the point that both share: the
-    velocities are as before, and each spin gains d x J / I, where 2 d is how far the centres
-    have moved against each other. What energy that gives is taken from their sliding.
+    To be called when a sub-step of `time`, s, has moved them (`move_along`). It is as if the push J
+    had been given before the motion and taken back after it, each in the point that both share:
+    the velocities are as before, and each spin gains d x J / I, where 2 d is how far their
+    velocities have moved the centres against each other (pushes add up to nothing). What energy
+    that gives is taken from their sliding.
     """
+    half = 0.5 * time
     for k in range(counters[BLOCKS]):
         block, lane = blocks[k], lanes[k]
         for i in range(LANES):
@@ -181,9 +183,9 @@ def keep_angular_momentum(
             if push == 0.0:
                 continue
             x, y, z = cross(
-                block[MOVED + X + i],
-                block[MOVED + Y + i],
-                block[MOVED + Z + i],
+                block[MOVED + X + i] - half * (b[PUSHED] - a[PUSHED]),
+                block[MOVED + Y + i] - half * (b[PUSHED + 1] - a[PUSHED + 1]),
+                block[MOVED + Z + i] - half * (b[PUSHED + 2] - a[PUSHED + 2]),
                 push * block[N + X + i],
                 push * block[N + Y + i],
                 push * block[N + Z + i],

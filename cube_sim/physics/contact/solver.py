@@ -336,8 +336,10 @@ def find_hit(
         ux, uy, uz = parting(work, i, arms)
         un = (ux * block[N + X + i] + uy * block[N + Y + i]) + uz * block[N + Z + i]
         gap = point[GAP + i]
-        carries = point[JN + i] > 0.0
-        hits = (un < -threshold) & (gap + time * un <= 0.0) & (not carries)
+        carries = (point[JN + i] > 0.0) & (gap <= 2.0 * slop)
+        # With a margin: what comes nearer than TARGET allows and is no hit would lose its speed.
+        fastest = un - max(block[CLOSING + i], 0.0) * time
+        hits = (un < -threshold) & (gap - 2.0 * slop + time * fastest <= 0.0) & (not carries)
         held = carries | ((un < threshold) & (gap <= slop))
         # It hits with what it gains on its way through the gap, and shall come as high as if it had
         # left from there: (e^2 (u^2 + 2 a gap) - 2 a gap), as it is turned back here and now.

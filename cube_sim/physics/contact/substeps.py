@@ -16,7 +16,7 @@ from cube_sim.physics.contact.blocks import (
     read_back,
     take_up_bodies,
 )
-from cube_sim.physics.contact.impacts import solve_impacts
+from cube_sim.physics.contact.impacts import FEW_PAIRS, solve_impacts
 from cube_sim.physics.contact.layout import (
     ACTIVES,
     BLOCKS,
@@ -49,10 +49,12 @@ Integers = NDArray[np.int64]
 
 
 # A small group of pairs gets more sweeps: up to MORE_SWEEPS times as many, as long as all visits of
-# its pairs stay below what FEW_PAIRS get by the least number.
-MORE_SWEEPS, FEW_PAIRS = 12, 1500
+# its pairs stay below what FULL_SWEEPS pairs get by the least number.
+MORE_SWEEPS, FULL_SWEEPS = 12, 1500
 # Nor are there more once no impulse changes by more than a share of the weight.
 ENOUGH = 1e-5
+# So many impacts follow each other in a sub-step at most; the last ones are then stopped dead.
+MOST_IMPACTS, IMPACTS_OF_A_CROWD = 16, 2
 # So many sweeps for each that takes overlap away.
 SWEEPS_OF_A_PUSH = 4
 
@@ -92,24 +94,27 @@ def step_in_common(
 
     # Small groups are solved out, large ones as far as the time allows: sweeps are rationed.
     least = int(rules.sweeps)
-    most = max(least, min(MORE_SWEEPS * least, FEW_PAIRS * least // max(counters[ACTIVES], 1)))
+    most = max(least, min(MORE_SWEEPS * least, FULL_SWEEPS * least // max(counters[ACTIVES], 1)))
     enough = ENOUGH * rules.gravity * time
     slop = SLOP * 2.0 * rules.half_side
     # Nor does a point hit with a speed that gravity gives in two steps.
     threshold = rules.threshold + 2.0 * rules.gravity * rules.time_step
     move_along(blocks, lanes, bodies, work, count, time, slop, 0.0)
-    hits = 0
-    for part in range(substeps):
-        if part == 0 or hits > 0:
-            note_fastest(bodies, counters, rules)
-        hits = find_hits(
-            blocks, lanes, bodies, work, count, time, slop, threshold, rules.restitution
-        )
-        if hits > 0:
+    series = IMPACTS_OF_A_CROWD if counters[ACTIVES] > FEW_PAIRS else MOST_IMPACTS
+    note_fastest(bodies, counters, rules)
+    for _ in range(substeps):
+        # One impact after another: who is hit may hit the next.
+        for _ in range(series):
+            hits = find_hits(
+                blocks, lanes, bodies, work, count, time, slop, threshold, rules.restitution
+            )
+            if hits == 0:
+                break
             counters[IMPACTS] += hits
             counters[SWEEPS] += solve_impacts(
                 cubes, marks, ends, bodies, blocks, lanes, work, counters, rules, slop
             )
+            note_fastest(bodies, counters, rules)
         fall(bodies, counters, rules, time)
         start_from_last(blocks, lanes, bodies, work, count)
         counters[SWEEPS] += solve(blocks, lanes, bodies, work, count, most, enough)
@@ -118,7 +123,7 @@ def step_in_common(
         advance_bodies(bodies, counters, time)
         move_along(blocks, lanes, bodies, work, count, time, slop, 1.0)
         if pushed > 0:
-            keep_angular_momentum(blocks, lanes, bodies, work, counters)
+            keep_angular_momentum(blocks, lanes, bodies, work, counters, time)
     note_touched(blocks, lanes, bodies, 0, count)
     put_down(state, bodies, counters, rules)
     read_back(cubes, pairs, ends, blocks, lanes, counters, rules, ground, scale, time)
