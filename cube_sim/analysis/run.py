@@ -75,14 +75,21 @@ def run_topics(reader: BagReader) -> RunTopics | None:
 
 
 def recorded_settings(reader: BagReader) -> list[tuple[int, Settings]]:
-    """Return the settings of the run, each different from the last, with their times in ns."""
+    """
+    Return the settings of the run, each different from the last, with their times in ns.
+
+    Of those that came at one time the last holds: a scenario may set what the start did not.
+    """
     topics = run_topics(reader)
     if topics is None:
         return []
     changes: list[tuple[int, Settings]] = []
     for moment in timeline(reader, RunTopics('', '', topics.settings, '')):
-        if isinstance(moment, Configured) and (not changes or changes[-1][1] != moment.settings):
-            changes.append((moment.time_ns, moment.settings))
+        if isinstance(moment, Configured):
+            if changes and changes[-1][0] == moment.time_ns:
+                changes.pop()
+            if not changes or changes[-1][1] != moment.settings:
+                changes.append((moment.time_ns, moment.settings))
     return changes
 
 

@@ -16,7 +16,7 @@ ENERGY_WORDS = {
     'gained_in_flight_j': 'in flight, by the integrator (−½ g² Δt² a step)',
     'gained_by_push_out_j': 'by being pushed out of the plane',
     'gained_at_bounces_j': 'at bounces',
-    'gained_at_touches_j': 'at other touches of the plane',
+    'gained_at_touches_j': 'at other touches',
     'gained_by_settings_j': 'by changed settings',
     'gained_unclear_j': 'where poses cannot tell',
     'removed_j': 'taken away by resets',

@@ -81,7 +81,11 @@ class Settings:
 
     collide_cubes: bool = switch(True, 'Whether cubes of the model contact meet each other')
     restitution_threshold: float = quantity(
-        0.02, 'm/s', 0.0, 10.0, 'Impacts of the model contact slower than this do not bounce'
+        0.02,
+        'm/s',
+        0.0,
+        10.0,
+        'Impacts of the model contact slower than this, times 1 - restitution^2, do not bounce',
     )
     sleep: bool = switch(True, 'Whether the model contact stops computing cubes that lie still')
     sleep_speed: float = quantity(

@@ -67,7 +67,12 @@ class World:
 
     @property
     def contacts(self) -> int:
-        """How often a cube has touched the plane so far, counted once for each step."""
+        """
+        How many contacts there have been so far, counted in each step.
+
+        A cube that touches the plane is one; under `contact` also a pair that touches, and a cube
+        that rests, whatever it rests on.
+        """
         return self._contacts
 
     @property

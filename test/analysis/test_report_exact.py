@@ -44,6 +44,18 @@ def test_measured_under_impulse_are_the_coefficients_set(tmp_path, restitution, 
     assert np.all(bounds <= friction + 1e-9)
 
 
+def test_what_a_scenario_sets_at_the_start_is_what_the_run_began_with(tmp_path):
+    scenario = (
+        '- {at: 0.0, set: {physics_model: contact, restitution: 0.3}}\n'
+        '- {at: 0.0, throw: {}}\n'
+        '- {at: 1.0, set: {restitution: 0.6}}\n'
+    )
+    found = found_in(record_run(tmp_path / 'bag', scenario, 2.0))
+    assert found.settings_from_ns == [0, 1_000_000_000]
+    assert [record.model for record in found.settings] == ['contact', 'contact']
+    assert [record.restitution for record in found.settings] == [0.3, 0.6]
+
+
 def test_without_friction_the_contact_point_rebounds_at_e_times_its_impact_speed(tmp_path):
     bag = record_run(tmp_path / 'bag', throws(12), 2.0, model='impulse', friction=0.0)
     measures = found_in(bag).measures()
