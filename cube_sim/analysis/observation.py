@@ -111,6 +111,10 @@ class Observer:
             return
         before = self._energies() if len(self._pose) else None
         self._use(world.settings)
+        # Of those that come at one time no step knows but the last.
+        if self.findings.settings_from_ns[-1:] == [time_ns]:
+            self.findings.settings.pop()
+            self.findings.settings_from_ns.pop()
         self.findings.settings.append(world.settings)
         self.findings.settings_from_ns.append(time_ns)
         if before is not None:
