@@ -43,26 +43,24 @@ def note_energy(
     bodies: Floats,
     rules: Rules,
     members: int,
-    velocities: int,
+    one: int,
+    other: int,
     column: int,
 ) -> None:
-    """Write the kinetic energy of each group by the columns `velocities` of its bodies."""
+    """
+    Write half the scalar product of two velocities of each group, by mass and inertia, J.
+
+    `one` and `other` are where they begin in its bodies; with both the same it is the energy.
+    """
     for n in range(members):
         cubes[int(bodies[ends[n, MEMBER], CUBE]), column] = 0.0
     for n in range(members):
         body = bodies[ends[n, MEMBER]]
-        energy = product(body, velocities, velocities, rules)
-        cubes[root(marks, HIT_ROOT, int(body[CUBE])), column] += 0.5 * energy
-
-
-@compiled
-def product(body: Floats, one: int, other: int, rules: Rules) -> float:
-    """Return the scalar product of two velocities of a body, by its mass and inertia, J."""
-    total = 0.0
-    for n in range(3):
-        total += body[one + n] * body[other + n]
-        total += body[one + 3 + n] * body[other + 3 + n] / rules.inverse_inertia
-    return total
+        total = 0.0
+        for k in range(3):
+            total += body[one + k] * body[other + k]
+            total += body[one + 3 + k] * body[other + 3 + k] / rules.inverse_inertia
+        cubes[root(marks, HIT_ROOT, int(body[CUBE])), column] += 0.5 * total
 
 
 @compiled
@@ -73,18 +71,16 @@ def take_back(
     bodies: Floats,
     blocks: Floats,
     lanes: Integers,
-    rules: Rules,
     first: int,
     last: int,
     members: int,
     share: float,
 ) -> bool:
     """
-    Undo the groups that gained more than SLIGHT, and leave a `share` of their friction.
+    Undo the groups that gained more than SLIGHT by the energies noted, with a `share` of friction.
 
-    Return whether there was any.
+    Return whether there was any; what is left of friction counts when they are solved again.
     """
-    note_energy(cubes, marks, ends, bodies, rules, members, V, ENERGY + 1)
     undone = False
     for n in range(members):
         slot = ends[n, MEMBER]
@@ -124,15 +120,7 @@ def hold_energy(
     With v + s dv the energy is a parabola in s, which begins at the energy of before; it comes back
     to that at s = -(v.dv) / (dE - v.dv). Cones and momentum know no scale.
     """
-    note_energy(cubes, marks, ends, bodies, rules, members, V, ENERGY + 1)
-    for n in range(members):
-        cubes[int(bodies[ends[n, MEMBER], CUBE]), ENERGY + 2] = 0.0
-    for n in range(members):
-        body = bodies[ends[n, MEMBER]]
-        group = root(marks, HIT_ROOT, int(body[CUBE]))
-        cubes[group, ENERGY + 2] += product(body, BEFORE, V, rules) - product(
-            body, BEFORE, BEFORE, rules
-        )
+    note_energy(cubes, marks, ends, bodies, rules, members, BEFORE, V, ENERGY + 2)
     for n in range(members):
         body = bodies[ends[n, MEMBER]]
         scale = scale_of(cubes, root(marks, HIT_ROOT, int(body[CUBE])))
@@ -151,7 +139,7 @@ def hold_energy(
 def scale_of(cubes: Floats, group: int) -> float:
     """Return by what the impulses of a group are to be scaled; 1 where no energy was gained."""
     gain = cubes[group, ENERGY + 1] - cubes[group, ENERGY]
-    along = cubes[group, ENERGY + 2]
+    along = 2.0 * (cubes[group, ENERGY + 2] - cubes[group, ENERGY])
     if gain <= 0.0:
         return 1.0
     scale: float = max(-(along / (gain - along)), 0.0)

@@ -102,14 +102,14 @@ def solve_impacts(
         members = gather_members(marks, ends, bodies, lanes, last, grown, members)
         last = grown
         sweeps += settle(blocks, lanes, bodies, work, first, last, enough, visits)
-    note_energy(cubes, marks, ends, bodies, rules, members, BEFORE, ENERGY)
+    note_energy(cubes, marks, ends, bodies, rules, members, BEFORE, BEFORE, ENERGY)
+    note_energy(cubes, marks, ends, bodies, rules, members, V, V, ENERGY + 1)
     for attempt in range(1, MOST_ATTEMPTS):
         share = 0.5 if attempt < MOST_ATTEMPTS - 1 else 0.0
-        if not take_back(
-            cubes, marks, ends, bodies, blocks, lanes, rules, first, last, members, share
-        ):
+        if not take_back(cubes, marks, ends, bodies, blocks, lanes, first, last, members, share):
             break
         sweeps += settle(blocks, lanes, bodies, work, first, last, enough, visits)
+        note_energy(cubes, marks, ends, bodies, rules, members, V, V, ENERGY + 1)
     hold_energy(cubes, marks, ends, bodies, blocks, lanes, rules, first, last, members)
     note_touched(blocks, lanes, bodies, first, last)
     for n in range(members):

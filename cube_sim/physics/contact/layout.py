@@ -21,8 +21,8 @@ GONE = 55  # how far any of its points can have gone since the cube is there, m
 POSE = 56  # 7
 VELOCITY = 63  # 3: m/s
 MATRIX = 66  # 9: the rotation matrix by rows, in the collision phase
-# Of the group of an impact, by its root: energy before and after, J; the scalar product of the
-# velocities before with their change, by the masses, J.
+# Of the group of an impact, by its root: energy before and after, and half the scalar product of
+# the velocities before and after, by the masses, J.
 ENERGY = 75  # 3
 MEAN = 78  # 8: the mean upright force of the plane at each corner of late, N
 CUBE_COLUMNS = 86
