@@ -381,6 +381,17 @@ def test_a_switch_of_the_model_starts_afresh():
     assert worlds[0] == worlds[1]
 
 
+def test_sleepers_that_are_near_and_never_touched_have_their_contacts_with_the_plane():
+    world = World(settings())
+    world.throw((0.0, 0.0, 0.25), FLAT)
+    world.throw((0.53, 0.0, 0.25), FLAT)
+    world.step(480)
+    assert world.awake == 0
+    assert world.counters['near_pairs'] == 1
+    points = world.contact_points
+    assert sorted(map(tuple, points.cubes)) == [(0, -1)] * 4 + [(1, -1)] * 4
+
+
 @pytest.mark.parametrize('sleep', [False, True])
 def test_the_contact_points_carry_the_weight(sleep):
     world = World(settings(sleep=sleep))

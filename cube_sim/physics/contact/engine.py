@@ -101,6 +101,8 @@ class TouchingCubes:
 
     def _sleeping_points(self) -> ContactPoints:
         substep = self._scratch[layout.MEMORY, 0]
+        if substep == 0.0:  # none have touched yet
+            return NO_CONTACT_POINTS
         first = layout.LIST_B if self._counters[layout.WHICH] else layout.LIST_A
         listed = self._ends[: self._counters[layout.PAIRS], first : first + 3]
         asleep = self._marks[:, layout.ASLEEP]
